@@ -15,7 +15,9 @@ use holo_raycast::{Ray, Raycaster, StoredScenes};
 use holo_scene::{Bsdf, Scene};
 use holo_section::{BeamKey, Sample, Section, SectionRay};
 use holo_server::Holodeck;
-use holo_splats::{LightPoint, Origin, SplatFile, SplatTree, Surfel, SurfelCells, write};
+use holo_splats::{
+    LEAST_REFLECTANCE, LightPoint, Origin, SplatFile, SplatTree, Surfel, SurfelCells, write,
+};
 use holo_view::{DriverArg, DriverArgs};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -56,6 +58,9 @@ const HEIGHT: f32 = 0.1;
 
 /// Least cosine between normals of one surface.
 const SAME_SURFACE: f32 = 0.6;
+
+/// Most panes of glass, one behind the other, that a sample's light comes through.
+const MOST_PANES: usize = 8;
 
 /// What to make.
 #[derive(Clone, Debug)]
@@ -109,9 +114,25 @@ pub fn beside(file: &Path) -> PathBuf {
 /// # Errors
 /// If the holodeck cannot be read, has no sample on a surface, or the file cannot be written.
 pub fn make(request: &SplatRequest, progress: &mut dyn FnMut(f64)) -> Result<SplatReport> {
-    let start = Instant::now();
     let holodeck = Holodeck::open_read_only(&request.file, SMALL_CACHE)?;
-    let places = SamplePlaces::new(&holodeck, request.ignores_scene)?;
+    let raycaster = match request.ignores_scene {
+        true => None,
+        false => raycaster(&holodeck)?,
+    };
+    Ok(make_of(request, &holodeck, raycaster.as_ref(), None, progress)?.0)
+}
+
+/// Makes splats as [`make`] does. Light is divided by the colours of surfaces that are `drawn`. The
+/// tree is returned too.
+pub(crate) fn make_of(
+    request: &SplatRequest,
+    holodeck: &Holodeck,
+    raycaster: Option<&Raycaster>,
+    drawn: Option<DrawnColours>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<(SplatReport, SplatTree)> {
+    let start = Instant::now();
+    let places = SamplePlaces::new(holodeck, raycaster, drawn);
     let unit = holodeck.about.unit;
     let samples = holodeck.file.stats().samples;
     let finest = FINEST / unit;
@@ -123,7 +144,7 @@ pub fn make(request: &SplatRequest, progress: &mut dyn FnMut(f64)) -> Result<Spl
         (None, None) => (samples / SAMPLES_PER_SURFEL).clamp(least, most),
     };
     let mut cells = SurfelCells::new(spacing as f32, usize::try_from(most)?);
-    let counts = places.collect(&holodeck, samples, &mut cells, progress)?;
+    let counts = places.collect(holodeck, samples, &mut cells, progress)?;
     ensure!(!cells.is_empty(), "{} has no sample on a surface", request.file.display());
     let spacing = cells.spacing();
     let reading_seconds = start.elapsed().as_secs_f64();
@@ -138,10 +159,13 @@ pub fn make(request: &SplatRequest, progress: &mut dyn FnMut(f64)) -> Result<Spl
         scene: holodeck.about.scene.hash,
     };
     let mut surfels = cells.into_surfels();
-    surfels.par_iter_mut().for_each(|surfel| surfel.radius = places.fitting(surfel, spacing));
+    // Light on surfaces that are drawn ends with them.
+    if drawn.is_none() {
+        surfels.par_iter_mut().for_each(|surfel| surfel.radius = places.fitting(surfel, spacing));
+    }
     let tree = SplatTree::new(surfels, origin.spacing as f32)?;
     write(&request.output, &tree, &origin)?;
-    Ok(SplatReport {
+    let report = SplatReport {
         splats: request.output.clone(),
         bytes: std::fs::metadata(&request.output)?.len(),
         surfels: tree.surfels as u64,
@@ -153,7 +177,8 @@ pub fn make(request: &SplatRequest, progress: &mut dyn FnMut(f64)) -> Result<Spl
         unplaced: counts.unplaced,
         reading_seconds,
         building_seconds: start.elapsed().as_secs_f64() - reading_seconds,
-    })
+    };
+    Ok((report, tree))
 }
 
 /// Opens splats, and checks that they are of this holodeck if there is one.
@@ -197,15 +222,60 @@ pub fn with_splats(driver: &DriverArgs, file: &Path) -> Result<DriverArgs> {
     Ok(driver)
 }
 
-/// Prepares the scene of a file for casting rays.
-fn raycaster(holodeck: &Holodeck) -> Result<Raycaster> {
+/// Prepares the scene of a file for casting rays; `None` if the file has none.
+pub(crate) fn raycaster(holodeck: &Holodeck) -> Result<Option<Raycaster>> {
+    if holodeck.about.scene.bytes == 0 {
+        return Ok(None);
+    }
     let (stored, hash) = (StoredScenes::new(None), holodeck.about.scene.hash);
     // A file that cannot be used is made again.
     if let Ok(Some(raycaster)) = stored.open(&hash) {
-        return Ok(raycaster);
+        return Ok(Some(raycaster));
     }
     let scene = Scene::unpack(&holodeck.packed_scene()?)?;
-    Ok(stored.prepare(Arc::new(scene), Some(hash))?.0)
+    Ok(Some(stored.prepare(Arc::new(scene), Some(hash))?.0))
+}
+
+/// Returns whether the light of a triangle depends on the direction.
+fn is_directional(scene: &Scene, triangle: u32) -> bool {
+    match scene.material(triangle).bsdf {
+        Bsdf::Diffuse { .. } | Bsdf::Coated { .. } => false,
+        Bsdf::Mirror { .. }
+        | Bsdf::Conductor { .. }
+        | Bsdf::ThinGlass { .. }
+        | Bsdf::Dielectric { .. } => true,
+    }
+}
+
+/// Returns the share of light that passes a pane of glass; `None` for other triangles.
+pub(crate) fn pane_transmittance(scene: &Scene, triangle: u32) -> Option<Vec3> {
+    let Bsdf::ThinGlass { ior, transmittance } = scene.material(triangle).bsdf else {
+        return None;
+    };
+    // Light passes both faces, and is reflected between them.
+    let face = ((ior - 1.0) / (ior + 1.0)).powi(2);
+    Some(Vec3::from(transmittance) * (1.0 - face) / (1.0 + face))
+}
+
+/// Colours of surfaces that are drawn from the scene, and not part of the splats' light.
+///
+/// They are those of evenly coloured surfaces that scatter light. Textures, lamps, metals and glass
+/// stay in the light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DrawnColours;
+
+impl DrawnColours {
+    /// Returns the colour of a triangle; 1 if it is part of the light.
+    pub fn of(self, scene: &Scene, triangle: u32) -> [f32; 3] {
+        let is_in_light = is_directional(scene, triangle)
+            || scene.has_texture(triangle)
+            || scene.material(triangle).emits();
+        if is_in_light {
+            return [1.0; 3];
+        }
+        // As dark as light is divided by.
+        scene.reflectance(triangle, 0.3, 0.3, 0.0).map(|share| share.max(LEAST_REFLECTANCE))
+    }
 }
 
 /// Samples that became no light of a surfel.
@@ -215,27 +285,39 @@ struct LeftOut {
     unplaced: u64,
 }
 
-/// Finds the places where samples ended.
-struct SamplePlaces {
+/// Where a sample's light comes from.
+enum LightOrigin {
+    /// A surface.
+    At(LightPoint),
+    /// The sky.
+    Sky,
+    /// No surface is where its ray ended.
+    Nowhere,
+}
+
+/// Finds the places where samples ended. What is seen through panes that are drawn is the light of
+/// what lies behind them.
+struct SamplePlaces<'a> {
     sections: Arc<[Section]>,
-    raycaster: Option<Raycaster>,
+    raycaster: Option<&'a Raycaster>,
+    drawn: Option<DrawnColours>,
     origin: DVec3,
 }
 
-impl SamplePlaces {
-    fn new(holodeck: &Holodeck, ignores_scene: bool) -> Result<SamplePlaces> {
-        let raycaster = match ignores_scene {
-            true => None,
-            false => Some(raycaster(holodeck)?),
-        };
+impl<'a> SamplePlaces<'a> {
+    fn new(
+        holodeck: &Holodeck,
+        raycaster: Option<&'a Raycaster>,
+        drawn: Option<DrawnColours>,
+    ) -> SamplePlaces<'a> {
         let middle = |section: &Section| section.local_to_world(DVec3::splat(0.5));
         let sections = Arc::clone(&holodeck.sections);
         let middles: DVec3 = sections.iter().map(middle).sum();
-        let origin = match &raycaster {
+        let origin = match raycaster {
             Some(raycaster) => raycaster.scene().origin,
             None => middles / sections.len().max(1) as f64,
         };
-        Ok(SamplePlaces { sections, raycaster, origin })
+        SamplePlaces { sections, raycaster, drawn, origin }
     }
 
     /// Adds all samples of the present scene to cells.
@@ -295,8 +377,9 @@ impl SamplePlaces {
                     }
                     let reach = (ray, distance, section.diagonal());
                     match self.point(reach, sample, run.paths, spacing) {
-                        Some(point) => points.push(point),
-                        None => left_out.unplaced += 1,
+                        LightOrigin::At(point) => points.push(point),
+                        LightOrigin::Sky => left_out.misses += 1,
+                        LightOrigin::Nowhere => left_out.unplaced += 1,
                     }
                 }
             }
@@ -312,14 +395,14 @@ impl SamplePlaces {
         all
     }
 
-    /// Returns the place of one sample; `None` if no surface is where its ray ended.
+    /// Returns the place of one sample.
     fn point(
         &self,
         (ray, distance, diagonal): (SectionRay, f64, f64),
         sample: &Sample,
         paths: u16,
         spacing: f32,
-    ) -> Option<LightPoint> {
+    ) -> LightOrigin {
         let towards = -ray.direction.as_vec3();
         let point = LightPoint {
             position: (ray.origin + ray.direction * distance - self.origin).as_vec3(),
@@ -327,35 +410,42 @@ impl SamplePlaces {
             towards,
             radiance: sample.rgb(),
             reflectance: [1.0; 3],
+            drawn_colour: [1.0; 3],
             paths,
             is_directional: false,
             shines: false,
         };
-        let Some(raycaster) = &self.raycaster else { return Some(point) };
+        let Some(raycaster) = self.raycaster else { return LightOrigin::At(point) };
         let off = STEPS_OFF * diagonal.max(distance) / 2048.0;
         let from = ray.origin + ray.direction * (distance - off);
-        let (local, skipped) = raycaster.localize(from, ray.direction)?;
-        let hit = raycaster.nearest(&local)?;
-        if f64::from(hit.t) + skipped > 2.0 * off {
-            return None;
+        let Some((mut local, skipped)) = raycaster.localize(from, ray.direction) else {
+            return LightOrigin::Nowhere;
+        };
+        let hit = raycaster.nearest(&local);
+        let hit = hit.filter(|hit| f64::from(hit.t) + skipped <= 2.0 * off);
+        let Some(mut hit) = hit else { return LightOrigin::Nowhere };
+        let (scene, mut radiance) = (raycaster.scene(), Vec3::from(point.radiance));
+        for _ in 0..self.drawn.map_or(0, |_| MOST_PANES) {
+            let Some(share) = pane_transmittance(scene, hit.triangle) else { break };
+            radiance /= share.max(Vec3::splat(LEAST_REFLECTANCE));
+            let behind = Ray::new(local.origin + local.direction * hit.t, local.direction);
+            let Some(next) = raycaster.nearest_from(&behind, hit.triangle) else {
+                return LightOrigin::Sky;
+            };
+            (local, hit) = (behind, next);
         }
-        let scene = raycaster.scene();
         let normal = raycaster.geometric_normal(hit.triangle);
         let place = local.origin + local.direction * hit.t;
-        let is_directional = match scene.material(hit.triangle).bsdf {
-            Bsdf::Diffuse { .. } | Bsdf::Coated { .. } => false,
-            Bsdf::Mirror { .. }
-            | Bsdf::Conductor { .. }
-            | Bsdf::ThinGlass { .. }
-            | Bsdf::Dielectric { .. } => true,
-        };
-        Some(LightPoint {
+        let is_directional = is_directional(scene, hit.triangle);
+        LightOrigin::At(LightPoint {
             position: (place.as_dvec3() + scene.origin - self.origin).as_vec3(),
             normal: Some(facing(normal, towards)),
             reflectance: match is_directional {
                 true => [1.0; 3],
                 false => scene.reflectance(hit.triangle, hit.u, hit.v, spacing),
             },
+            radiance: radiance.to_array(),
+            drawn_colour: self.drawn.map_or([1.0; 3], |drawn| drawn.of(scene, hit.triangle)),
             is_directional,
             shines: scene.material(hit.triangle).emits(),
             ..point
@@ -363,11 +453,11 @@ impl SamplePlaces {
     }
 }
 
-impl SamplePlaces {
+impl SamplePlaces<'_> {
     /// Returns the greatest radius, up to the surfel's, with which its disc does not stick out over
     /// the edge of its surface. What another surface hides may stick out.
     fn fitting(&self, surfel: &Surfel, spacing: f32) -> f32 {
-        let Some(raycaster) = &self.raycaster else { return surfel.radius };
+        let Some(raycaster) = self.raycaster else { return surfel.radius };
         let origin = self.origin - raycaster.scene().origin;
         let place = (surfel.position.as_dvec3() + origin).as_vec3();
         let place = on_surface(raycaster, place, surfel.normal, HEIGHT * spacing);

@@ -23,7 +23,8 @@ pub struct ExportArgs {
     /// Make one HTML file with everything in it; it opens without any server
     #[arg(long)]
     single: bool,
-    /// Most splats [default: one for 2 samples, at most 2000000]
+    /// Most splats [default: one for 7 samples, or for 2 if surfaces are drawn as splats; at
+    /// most 1700000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1 << 30))]
     most: Option<u64>,
     /// Report as JSON

@@ -8,6 +8,7 @@ use holo_server::Holodeck;
 use holo_splats::SplatFile;
 use serde::Serialize;
 
+use super::{piece::Piece, surfaces::DrawnSurfaces};
 use crate::splats::SplatReport;
 
 /// Display light of a grey card of 18 %.
@@ -15,7 +16,7 @@ const KEY: f32 = 0.18;
 
 /// The manifest, as the page reads it.
 #[derive(Serialize)]
-pub(super) struct Manifest {
+pub(super) struct Manifest<'a> {
     format: u32,
     title: String,
     nodes: u64,
@@ -30,6 +31,8 @@ pub(super) struct Manifest {
     sky: [f32; 3],
     exposure: f32,
     pub pieces: Vec<Piece>,
+    /// The surfaces that the splats light; without them, splats are surfaces themselves.
+    surfaces: Option<&'a DrawnSurfaces>,
     views: Vec<SiteView>,
     /// The floor of each section, as four corners.
     rooms: Vec<[[f64; 3]; 4]>,
@@ -37,19 +40,6 @@ pub(super) struct Manifest {
     pub notes: Vec<String>,
     /// Colours of false-colour pictures, from the low end, as RRGGBB.
     colours: Vec<String>,
-}
-
-/// A piece of the nodes.
-#[derive(Serialize)]
-pub(super) struct Piece {
-    pub file: String,
-    bytes: usize,
-    crc: u32,
-}
-
-impl Piece {
-    /// The folder of the pieces.
-    pub const FOLDER: &str = "data";
 }
 
 /// A view by name.
@@ -61,19 +51,16 @@ struct SiteView {
     vh: f64,
 }
 
-impl Manifest {
+impl<'a> Manifest<'a> {
     pub fn new(
         holodeck: &Holodeck,
         splats: &SplatFile,
         report: &SplatReport,
         data: &[&[u8]],
-    ) -> Result<Manifest> {
+    ) -> Result<Manifest<'a>> {
         let (about, header) = (&holodeck.about, splats.header());
-        let pieces = data.iter().enumerate().map(|(number, bytes)| Piece {
-            file: format!("{}/{number:05}.bin", Piece::FOLDER),
-            bytes: bytes.len(),
-            crc: crc32fast::hash(bytes),
-        });
+        let pieces = data.iter().enumerate();
+        let pieces = pieces.map(|(number, bytes)| Piece::new(format!("{number:05}"), bytes));
         let title = holodeck.path().file_stem().unwrap_or_default().to_string_lossy();
         let mean = splats.root()?.packed.disc().light.luminance(header.peak);
         let mut views: Vec<SiteView> = about.views.iter().filter_map(site_view).collect();
@@ -95,11 +82,33 @@ impl Manifest {
             sky: header.sky,
             exposure: about.exposure.unwrap_or(KEY / mean.max(f32::MIN_POSITIVE)),
             pieces: pieces.collect(),
+            surfaces: None,
             views,
             rooms: holodeck.sections.iter().map(|section| floor(section, about.up)).collect(),
             notes: notes(report, about.unit),
             colours: colours()?,
         })
+    }
+
+    /// Adds the surfaces, or the reason why there are none.
+    pub fn add_surfaces(&mut self, surfaces: Option<&'a DrawnSurfaces>, obstacle: Option<String>) {
+        self.surfaces = surfaces;
+        self.notes.extend(match (surfaces, obstacle) {
+            (Some(surfaces), _) => surfaces.notes(),
+            (None, Some(obstacle)) => vec![
+                format!("Surfaces are drawn as splats, because {obstacle}: edges are blurred."),
+                "Mirrors, glass and bare metal show the mean of their light over directions, as \
+                 if painted."
+                    .to_owned(),
+            ],
+            (None, None) => Vec::new(),
+        });
+    }
+
+    /// Returns all pieces in the order of their data.
+    pub fn all_pieces(&self) -> impl Iterator<Item = &Piece> {
+        let surfaces = self.surfaces.into_iter().flat_map(DrawnSurfaces::all_pieces);
+        self.pieces.iter().chain(surfaces)
     }
 }
 
@@ -145,9 +154,7 @@ fn notes(report: &SplatReport, unit: f64) -> Vec<String> {
             1000.0 * report.spacing * unit,
             report.samples
         ),
-        "Mirrors, glass and bare metal show the mean of their light over directions, as if \
-         painted. Gleams on glossy surfaces are left out."
-            .to_owned(),
+        "Gleams on glossy surfaces are left out.".to_owned(),
         "Of the tones, soft and linear are here; camera and human are left out.".to_owned(),
     ];
     if report.unplaced > 0 {

@@ -36,6 +36,9 @@ pub struct LightPoint {
     pub radiance: [f32; 3],
     /// The share of light that the surface reflects there; 1 if it is unknown.
     pub reflectance: [f32; 3],
+    /// Colour of the surface that is drawn from the scene, and left out of the light; 1 if it is
+    /// part of the light.
+    pub drawn_colour: [f32; 3],
     /// Number of paths that the radiance is the mean of.
     pub paths: u16,
     /// True if the light depends on the direction.
@@ -61,6 +64,8 @@ pub(crate) struct CellSums {
     pub squares: f32,
     /// Weighed sum of reflectances.
     pub reflectance: Vec3,
+    /// Weighed sum of the colours that are drawn from the scene.
+    pub drawn_colour: Vec3,
     /// Weight of samples whose light depends on the direction.
     pub directional: f32,
     /// Weight of samples on lamps.
@@ -81,6 +86,7 @@ impl CellSums {
             light: light * weight,
             squares: relative_luminance(light.into()).powi(2) * weight,
             reflectance: reflectance * weight,
+            drawn_colour: Vec3::from(point.drawn_colour) * weight,
             directional: if point.is_directional { weight } else { 0.0 },
             shining: if point.shines { weight } else { 0.0 },
         }
@@ -94,6 +100,7 @@ impl CellSums {
         self.light += other.light;
         self.squares += other.squares;
         self.reflectance += other.reflectance;
+        self.drawn_colour += other.drawn_colour;
         self.directional += other.directional;
         self.shining += other.shining;
     }
@@ -101,7 +108,7 @@ impl CellSums {
 
 /// Least reflectance that light is divided by. Samples of black surfaces show nothing of the light
 /// on them.
-pub(crate) const LEAST_REFLECTANCE: f32 = 0.02;
+pub const LEAST_REFLECTANCE: f32 = 0.02;
 
 /// Cells in the order in which they were found.
 #[derive(Default)]

@@ -31,7 +31,7 @@ mod surfel;
 mod tree;
 mod write;
 
-pub use cells::{LightPoint, SurfelCells};
+pub use cells::{LEAST_REFLECTANCE, LightPoint, SurfelCells};
 pub use error::SplatError;
 pub use format::{
     CHUNK_BYTES, CHUNK_NODES, HEADER_BYTES, MAX_LEVELS, NODE_BYTES, SplatHeader, VERSION, seal,

@@ -128,7 +128,9 @@ fn surfel(
     near: &[u32; MOST_NEIGHBOURS],
     spacing: f32,
 ) -> Surfel {
-    let light = draft.light * (sums.reflectance / sums.weight);
+    let colour = sums.drawn_colour / sums.weight;
+    let light =
+        draft.light * (sums.reflectance / sums.weight) / colour.max(Vec3::splat(f32::MIN_POSITIVE));
     let luminance = relative_luminance(draft.light.into());
     let error = match luminance > 0.0 {
         true => draft.variance.max(0.0).sqrt() / luminance,
@@ -139,6 +141,7 @@ fn surfel(
         normal: draft.normal,
         radius: radius(draft, drafts, near, spacing),
         light: light.into(),
+        colour: colour.into(),
         error,
         is_directional: sums.directional > 0.5 * sums.weight,
     }

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use crate::{
     LightCode, PackedNode, SplatError, Surfel,
+    format::CHUNK_NODES,
     node::{Disc, Sphere},
 };
 
@@ -38,6 +39,9 @@ pub struct SplatTree {
     pub sphere: Sphere,
     /// Binary logarithm of the greatest luminance.
     pub peak: f32,
+    /// Colours of surfaces that are left out of the light, of the nodes of the first levels: of no
+    /// more than [`COLOURED`](Self::COLOURED) nodes.
+    pub colours: Vec<[f32; 3]>,
 }
 
 /// The surfels of a node: a range of all surfels.
@@ -57,12 +61,17 @@ struct Branch {
     /// Greatest angle between the normal and those below.
     angle: f32,
     light: [f32; 3],
+    /// Radiance with the colours that are left out of `light`.
+    radiance: Vec3,
     error: f32,
     area: f32,
     is_directional: bool,
 }
 
 impl SplatTree {
+    /// Most nodes with a colour: four chunks.
+    pub const COLOURED: usize = 4 * CHUNK_NODES;
+
     /// Builds the hierarchy of these surfels, which are about `spacing` apart. Their order decides
     /// nothing but ties.
     ///
@@ -87,10 +96,14 @@ impl SplatTree {
             levels: Vec::with_capacity(spans.len()),
             sphere: root,
             peak,
+            colours: Vec::new(),
         };
         let mut parents = vec![root];
         for (spans, branches) in spans.iter().zip(&branches) {
             tree.levels.push(tree.nodes.len());
+            if tree.nodes.len() + branches.len() <= Self::COLOURED {
+                tree.colours.extend(branches.iter().map(Branch::colour));
+            }
             let encode = |((span, branch), &parent): ((&Span, &Branch), &Sphere)| {
                 branch.encode(parent, span.children, peak, spacing)
             };
@@ -110,9 +123,18 @@ impl SplatTree {
 
 impl Branch {
     fn of(surfel: &Surfel) -> Branch {
-        let Surfel { position, normal, radius, light, error, is_directional } = *surfel;
+        let Surfel { position, normal, radius, light, colour, error, is_directional } = *surfel;
         let sphere = Sphere { centre: position, radius };
-        Branch { sphere, normal, angle: 0.0, light, error, area: radius * radius, is_directional }
+        Branch {
+            sphere,
+            normal,
+            angle: 0.0,
+            light,
+            radiance: Vec3::from(light) * Vec3::from(colour),
+            error,
+            area: radius * radius,
+            is_directional,
+        }
     }
 
     /// Joins the branches below a node. The standard errors of neighbours come in part from the
@@ -125,11 +147,13 @@ impl Branch {
         };
         let sphere = around(halves.0).around(around(halves.1));
         let (mut normal, mut area, mut light, mut error) = (Vec3::ZERO, 0.0, Vec3::ZERO, 0.0);
+        let mut radiance = Vec3::ZERO;
         for branch in below {
             let weighed = Vec3::from(branch.light) * branch.area;
             normal += branch.normal * branch.area;
             area += branch.area;
             light += weighed;
+            radiance += branch.radiance * branch.area;
             error += relative_luminance(weighed.into()) * branch.error;
         }
         let first = below.first().map_or(Vec3::Z, |branch| branch.normal);
@@ -141,10 +165,17 @@ impl Branch {
             normal,
             angle: angles.fold(0.0, f32::max),
             light: (light / area.max(f32::MIN_POSITIVE)).into(),
+            radiance: radiance / area.max(f32::MIN_POSITIVE),
             error: if total > 0.0 { error / total } else { f32::INFINITY },
             area,
             is_directional: below.iter().any(|branch| branch.is_directional),
         }
+    }
+
+    /// Returns the colour that makes the light of the surfels below their radiance.
+    fn colour(&self) -> [f32; 3] {
+        let light = Vec3::from(self.light).max(Vec3::splat(f32::MIN_POSITIVE));
+        (self.radiance / light).to_array()
     }
 
     fn encode(&self, parent: Sphere, children: u32, peak: f32, spacing: f32) -> PackedNode {
@@ -288,6 +319,7 @@ mod tests {
                 normal: Vec3::Z * facing,
                 radius: 0.8,
                 light: if facing > 0.0 { [8.0; 3] } else { [0.5; 3] },
+                colour: [1.0; 3],
                 error: 0.1,
                 is_directional: false,
             })

@@ -35,6 +35,7 @@ const isSound = site && site.format === 1 && isWhole(site.nodes, 2 ** 32) && sit
   && Array.isArray(site.pieces) && site.pieces.every((p) => isWhole(p.bytes, 1 << 20) && p.bytes % 8 === 0 && isWhole(p.crc, 2 ** 32) && /^[\w./-]+$/.test(p.file))
   && site.pieces.reduce((sum, p) => sum + p.bytes, 0) === site.nodes * 8
   && Array.isArray(site.views) && site.views.every((v) => isVector(v.vp) && isVector(v.vd) && isNumber(v.vh))
+  && (!site.surfaces || surfacesAreSound(site.surfaces))
   && Array.isArray(site.rooms) && Array.isArray(site.notes) && Array.isArray(site.colours) && site.colours.length === 256;
 if (!isSound) return fail('The list of contents of this export is damaged: it was cut off or changed.');
 document.title = `${site.title} – Holodeck`;
@@ -62,22 +63,21 @@ const program = (vertex, fragment) => {
   const made = gl.createProgram();
   for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
     const shader = gl.createShader(kind);
-    gl.shaderSource(shader, '#version 300 es\nprecision highp float;\nprecision highp int;\n' + text);
+    gl.shaderSource(shader, '#version 300 es\nprecision highp float;\nprecision highp int;\nprecision highp sampler2D;\n' + text);
     gl.compileShader(shader);
     if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) throw new Error(gl.getShaderInfoLog(shader));
     gl.attachShader(made, shader);
   }
-  gl.bindAttribLocation(made, 0, 'sphere');
-  gl.bindAttribLocation(made, 1, 'words');
+  for (const [place, names] of [['sphere', 'corner'], ['words', 'paint'], ['tint']].entries()) names.forEach((name) => gl.bindAttribLocation(made, place, name));
   gl.linkProgram(made);
   if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(gl.getProgramInfoLog(made));
   const place = (name) => gl.getUniformLocation(made, name);
   return { made, at: new Proxy({}, { get: (kept, name) => kept[name] || (kept[name] = place(name)) }) };
 };
 
-// Light is scaled so that the greatest is 2^12 in 16-bit floats.
-const splats = program(`
-in vec4 sphere; in uvec2 words;
+// Light is scaled so that the greatest is 2^10 in 16-bit floats: sums of it and its colours fit.
+const splatVertex = `
+in vec4 sphere; in uvec2 words; in vec3 tint;
 uniform mat3 turn; uniform vec3 eye, lens; uniform vec2 size, middle; uniform float near, far, sliver; uniform bool onlyLeaves;
 flat out vec3 centre, normal; flat out float radius, reach; flat out vec2 place; flat out vec4 light;
 vec3 octahedron(uint code) {
@@ -100,18 +100,19 @@ void main() {
   if (dot(normal, centre) > (sine + radius / length(centre)) * length(centre)) return;
   uint code = words.y >> 1u;
   float red = float(code >> 12u & 127u) / 126., blue = float(code >> 19u & 127u) / 126., green = max(0., 1. - red - blue);
-  float luminance = (code & 4095u) == 0u ? 0. : exp2(12. - float(4095u - (code & 4095u)) / 128.);
+  float luminance = (code & 4095u) == 0u ? 0. : exp2(10. - float(4095u - (code & 4095u)) / 128.);
   uint error = code >> 26u & 31u;
   float sum = luminance / max(1e-6, .2126 * red + .7152 * green + .0722 * blue);
-  light = vec4(vec3(red, green, blue) * sum, error == 0u ? 1e4 : luminance * exp2(float(error) / 2.5 - 10.));
+  light = vec4(vec3(red, green, blue) * sum * tint * tint, error == 0u ? 1e4 : luminance * exp2(float(error) / 2.5 - 10.));
   vec2 shown = (centre.xy / depth - middle) / lens.xy;
   place = (shown * .5 + .5) * size;
   reach = radius / depth * lens.z;
   // Slivers narrower than a pixel, such as sides of floor boards, would be drawn as wide as one.
   if (!inner && radius < sliver && reach < .75) return;
-  gl_PointSize = 2. * clamp(reach, .75, 512.) * 1.15 + 1.;
+  gl_PointSize = 2. * clamp(reach, .75, 512.) * SPREAD + 1.;
   gl_Position = vec4(shown, 0., 1.);
-}`, `
+}`;
+const splats = program('#define SPREAD 1.15\n' + splatVertex, `
 uniform vec3 lens; uniform vec2 size, middle; uniform float near, far, lift; uniform bool blends;
 flat in vec3 centre, normal; flat in float radius, reach; flat in vec2 place; flat in vec4 light;
 layout(location = 0) out vec4 colour; layout(location = 1) out vec4 facts;
@@ -164,7 +165,7 @@ void main() {
   value = clamp(value, 0., 1.);
   shown = vec4(mix(12.92 * value, 1.055 * pow(value, vec3(1. / 2.4)) - .055, greaterThan(value, vec3(.0031308))), 1.);
 }`);
-const light = 2 ** (site.peak - 12); // Radiance of 1 in the textures.
+const light = 2 ** (site.peak - 10); // Radiance of 1 in the textures.
 
 const buffer = gl.createBuffer();
 const array = gl.createVertexArray(), empty = gl.createVertexArray();
@@ -173,6 +174,7 @@ gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
 gl.bufferData(gl.ARRAY_BUFFER, nodes * NODE_BYTES, gl.STATIC_DRAW);
 gl.enableVertexAttribArray(0); gl.vertexAttribPointer(0, 4, gl.FLOAT, false, NODE_BYTES, 0);
 gl.enableVertexAttribArray(1); gl.vertexAttribIPointer(1, 2, gl.UNSIGNED_INT, NODE_BYTES, 16);
+gl.vertexAttrib3f(2, 1, 1, 1);
 const colours = new Uint8Array(256 * 4);
 site.colours.forEach((colour, at) => colours.set([parseInt(colour.slice(0, 2), 16), parseInt(colour.slice(2, 4), 16), parseInt(colour.slice(4, 6), 16), 255], at * 4));
 const table = gl.createTexture();
@@ -282,9 +284,8 @@ const isFree = (p) => {
 };
 
 // ---- Pieces ----
-const fetchPiece = async (number) => {
-  const piece = site.pieces[number];
-  const inline = $(`piece-${number}`);
+const fetchPiece = async (piece) => {
+  const inline = $(piece.file);
   let bytes;
   if (inline) {
     bytes = Uint8Array.from(atob(inline.textContent), (c) => c.charCodeAt(0));
@@ -309,12 +310,49 @@ const fetchPiece = async (number) => {
   if (bytes.length !== piece.bytes || crc32(bytes) !== piece.crc) throw new Error(`${piece.file} is damaged: it was cut off or changed.`);
   return bytes;
 };
-const load = async () => {
-  const waiting = new Map();
+// The surfaces of the scene, once they are all here; before, splats in their colours are drawn.
+let surfaces = null;
+const areSurfacesHere = () => surfaces !== null && surfaces.isReady();
+// Numbers of the first splats in the colours of their surfaces: whole levels.
+const coloured = site.surfaces ? Math.min(site.surfaces.colours.bytes / 2, nodes) : 0;
+const loadSurfaces = async () => {
+  if (!site.surfaces) return;
+  surfaces = startSurfaces({ gl, site, program, target, splatVertex, whole, drawRuns, choose, facts, light, metre, dot, plus });
+  // A few requests at a time.
   let next = 0;
-  for (let number = 0; number < site.pieces.length && loaded < nodes; number++) {
+  const chain = async () => {
+    while (next < site.surfaces.pieces.length) {
+      const piece = site.surfaces.pieces[next++];
+      surfaces.arrive(await fetchPiece(piece), piece);
+    }
+  };
+  await Promise.all([chain(), chain(), chain(), chain()]);
+  arrived = true;
+};
+// The first piece shows everything coarsely, and nothing else is requested before that is seen.
+const first = async () => {
+  const [bytes, tints] = await Promise.all([site.pieces[0], ...(site.surfaces ? [site.surfaces.colours] : [])].map(fetchPiece));
+  if (tints) {
+    const codes = new Uint16Array(tints.buffer, tints.byteOffset, coloured), shares = new Uint8Array(coloured * 4);
+    codes.forEach((code, at) => shares.set([(code & 31) * 255 / 31, (code >> 5 & 63) * 255 / 63, (code >> 11) * 255 / 31], at * 4));
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ARRAY_BUFFER, shares, gl.STATIC_DRAW);
+    gl.enableVertexAttribArray(2); gl.vertexAttribPointer(2, 3, gl.UNSIGNED_BYTE, true, 4, 0);
+    gl.bindVertexArray(empty);
+  }
+  decode(bytes);
+  counts.push([performance.now(), loaded]);
+  for (let frames = 0; frames < 2; frames++) await new Promise(requestAnimationFrame);
+};
+const load = async () => {
+  await first();
+  await loadSurfaces();
+  const waiting = new Map();
+  let next = 1;
+  for (let number = 1; number < site.pieces.length && loaded < nodes; number++) {
     while (next < site.pieces.length && next < number + 4) {
-      const promise = fetchPiece(next);
+      const promise = fetchPiece(site.pieces[next]);
       promise.catch(() => {}); // It is awaited below.
       waiting.set(next++, promise);
     }
@@ -415,7 +453,13 @@ const draw = () => {
   if (!isMoving && (look.auto || look.tone === 'false')) adapt();
   show(null, [0, 0, width, height], TONES[look.tone]);
   facts.frames++;
+  facts.first = facts.first || firstPicture();
   facts.script = performance.now() - start;
+};
+// When the first picture is drawn, in milliseconds, and the bytes that have come by then.
+const firstPicture = () => {
+  const entries = [...performance.getEntriesByType('navigation'), ...performance.getEntriesByType('resource')];
+  return { after: performance.now(), bytes: entries.reduce((sum, one) => sum + one.encodedBodySize, 0) };
 };
 // Draws the light of a view. `half` and `middle` are tangents: of half the picture's sides, and of
 // its middle from the axis.
@@ -426,6 +470,13 @@ const drawLight = (view) => {
     screen = target(width, height, [gl.RGBA16F, gl.RGBA16F], true);
   }
   patches();
+  if (areSurfacesHere()) {
+    gl.bindVertexArray(array);
+    gl.disableVertexAttribArray(2);
+    surfaces.draw(view, screen);
+    gl.bindVertexArray(empty);
+    return;
+  }
   const { ahead, right, over } = view;
   const near = .05 * metre, far = 4 * site.radius + near + Math.hypot(...plus(view.at, site.centre, -1));
   gl.bindFramebuffer(gl.FRAMEBUFFER, screen.frame);
@@ -443,9 +494,7 @@ const drawLight = (view) => {
   gl.uniform1f(splats.at.near, near);
   gl.uniform1f(splats.at.far, far);
   gl.uniform1f(splats.at.sliver, .25 * site.spacing);
-  gl.bindVertexArray(array);
   const runs = choose(view, pixels);
-  facts.vertices += runs.reduce((sum, run) => sum + run.counts.reduce((a, b) => a + b, 0), 0);
   gl.depthFunc(gl.LEQUAL);
   gl.disable(gl.BLEND);
   const passes = view.isQuick ? [[false, 0]] : [[false, .6], [true, 0]];
@@ -455,16 +504,21 @@ const drawLight = (view) => {
     const onlyDepth = lift > 0;
     gl.colorMask(!onlyDepth, !onlyDepth, !onlyDepth, !onlyDepth);
     if (blends) { gl.enable(gl.BLEND); gl.blendFunc(gl.ONE, gl.ONE); gl.depthMask(false); }
-    for (const run of runs) {
-      gl.uniform1i(splats.at.onlyLeaves, run.onlyLeaves ? 1 : 0);
-      if (multi) { multi.multiDrawArraysWEBGL(gl.POINTS, run.firsts, 0, run.counts, 0, run.firsts.length); facts.calls++; }
-      else run.firsts.forEach((first, at) => { gl.drawArrays(gl.POINTS, first, run.counts[at]); facts.calls++; });
-    }
+    drawRuns(splats, runs);
   }
   gl.colorMask(true, true, true, true);
   gl.disable(gl.BLEND);
   gl.disable(gl.DEPTH_TEST);
   gl.bindVertexArray(empty);
+};
+const drawRuns = (program, runs) => {
+  gl.bindVertexArray(array);
+  for (const run of runs) {
+    facts.vertices += run.counts.reduce((a, b) => a + b, 0);
+    gl.uniform1i(program.at.onlyLeaves, run.onlyLeaves ? 1 : 0);
+    if (multi) { multi.multiDrawArraysWEBGL(gl.POINTS, run.firsts, 0, run.counts, 0, run.firsts.length); facts.calls++; }
+    else run.firsts.forEach((first, at) => { gl.drawArrays(gl.POINTS, first, run.counts[at]); facts.calls++; });
+  }
 };
 const TONES = { soft: 0, linear: 1, false: 2 };
 // Shows the light that was drawn last in a part of a frame: left, bottom, width and height.
@@ -489,11 +543,13 @@ const show = (frame, [left, bottom, width, height], tone) => {
 
 // Chooses a level for each patch that is visible, and returns runs of nodes.
 const choose = ({ at, ahead, right, over, half, middle, isQuick }, pixels) => {
-  if (starts.length === 0) {
+  const isEarly = coloured > 0 && !areSurfacesHere();
+  if (starts.length === 0 || isEarly) {
     // The beginning: the last whole level, or what there is.
+    const known = isEarly ? Math.min(loaded, coloured) : loaded;
     let level = 0;
-    while (level + 1 < site.levels.length && loaded >= levelEnd(level + 1)) level++;
-    const first = site.levels[level], end = Math.min(levelEnd(level), loaded);
+    while (level + 1 < site.levels.length && known >= levelEnd(level + 1)) level++;
+    const first = site.levels[level], end = Math.min(levelEnd(level), known);
     const runs = [{ onlyLeaves: false, firsts: [first], counts: [Math.max(0, end - first)] }];
     return first > 0 ? [{ onlyLeaves: true, firsts: [0], counts: [first] }, ...runs] : runs;
   }
@@ -571,6 +627,19 @@ const probe = (x, y) => {
   const luminance = EFFICACY * (.2126 * rgb[0] + .7152 * rgb[1] + .0722 * rgb[2]);
   const far = 4 * site.radius + .05 * metre + Math.hypot(...plus(eye.at, site.centre, -1));
   return { rgb, luminance, error: EFFICACY * light * more[0] / weight, distance: more[1] / weight / 1024 * far };
+};
+// The radiance of each pixel as drawn, before tones, in rows from the top.
+const pixels = () => {
+  const { width, height, frame } = screen, values = new Float32Array(width * height * 4);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+  gl.readBuffer(gl.COLOR_ATTACHMENT0);
+  gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, values);
+  const rgb = new Float32Array(width * height * 3);
+  for (let at = 0; at < width * height; at++) {
+    const from = 4 * ((height - 1 - Math.floor(at / width)) * width + at % width), weight = values[from + 3];
+    for (let k = 0; k < 3; k++) rgb[3 * at + k] = weight > 0 ? values[from + k] / weight * light : site.sky[k];
+  }
+  return { width, height, rgb };
 };
 const say = () => {
   const found = probe(...(cursor || [.5, .5]));
@@ -734,7 +803,7 @@ const tick = (now) => {
   document.body.dataset.moving = isMoving ? 'yes' : 'no';
 };
 // What tests and other pages may ask.
-window.holodeck = { site, eye, facts, look, probe, goTo, isFree, counts };
+window.holodeck = { site, eye, facts, look, probe, pixels, goTo, isFree, counts };
 startHeadset({
   gl, eye, facts, axes: { up, north, east }, metre, dot, plus, walk, heightOf,
   // Draws a view into a part of a frame, with the page's exposure and tone.

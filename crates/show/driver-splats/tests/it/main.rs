@@ -35,6 +35,7 @@ fn room() -> Vec<Surfel> {
                 normal,
                 radius: 0.85 * SPACING,
                 light: [*light; 3],
+                colour: [1.0; 3],
                 error: 0.1,
                 is_directional: false,
             });

@@ -12,6 +12,7 @@ fn two() -> Vec<Surfel> {
         normal: Vec3::Z,
         radius: 1.0,
         light,
+        colour: [1.0; 3],
         error: 0.25,
         is_directional: x > 0.0,
     };

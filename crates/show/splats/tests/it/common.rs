@@ -36,6 +36,7 @@ pub fn ball(count: u32) -> Vec<Surfel> {
             normal,
             radius: 0.05,
             light: [1.5 + z, 1.0, 0.5],
+            colour: [1.0; 3],
             error: 0.04,
             is_directional: at.is_multiple_of(7),
         }

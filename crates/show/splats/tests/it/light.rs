@@ -18,6 +18,7 @@ fn floor(count: u64, normal: Option<Vec3>, light: impl Fn(Vec3) -> f32) -> Vec<L
             towards,
             radiance: [light(place) * noise * 0.5; 3],
             reflectance: [0.5; 3],
+            drawn_colour: [1.0; 3],
             paths: 1,
             is_directional: false,
             shines: false,
