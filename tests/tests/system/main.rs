@@ -42,6 +42,7 @@ mod unseen;
 mod usage;
 mod view_types;
 mod virtual_distance;
+mod wall;
 mod watchers;
 mod window;
 mod worker_deaths;

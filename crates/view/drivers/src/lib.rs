@@ -9,6 +9,7 @@ mod denoised;
 mod options;
 mod render_cache;
 mod stereo_options;
+mod wall_options;
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -23,12 +24,13 @@ use holo_proto::stand_ins::StandInKind;
 use holo_section::Section;
 use holo_session::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
 use holo_splats::SplatFile;
-use holo_stereo::stereo_driver;
+use holo_stereo::{stereo_driver, wall_driver};
 
 pub use denoised::denoise;
 pub use options::{CellsArg, DenoiseArg, DriverArgs, SplatShapeArg};
 pub use render_cache::{EmptyArg, PointArgs, SmoothingArg};
 pub use stereo_options::{StereoArg, StereoArgs};
+pub use wall_options::{NamedScreen, WallArgs};
 
 /// Parts of drivers that a script may switch, by name.
 pub const SWITCHES: &[&str] = &holo_driver_rendercache::Stages::NAMES;
@@ -55,8 +57,8 @@ impl DriverChoice for DriverOptions {
         }
     }
 
-    /// Makes the chosen driver, for two eyes if they are wanted. Without a scene, `auto` draws
-    /// cells from samples only.
+    /// Makes the chosen driver, for two eyes or a wall if they are wanted. Without a scene, `auto`
+    /// draws cells from samples only.
     fn make(
         &self,
         sections: &Arc<[Section]>,
@@ -65,9 +67,10 @@ impl DriverChoice for DriverOptions {
         scene: Option<&LoadedScene>,
     ) -> Driver {
         let driver = self.of_one_view(Arc::clone(sections), sky, scene);
-        match self.args.stereo.eyes(unit) {
-            Some(eyes) => stereo_driver(driver, eyes, Arc::clone(sections)),
-            None => driver,
+        match (self.args.stereo.eyes(unit), self.args.wall.wall()) {
+            (Some(eyes), _) => stereo_driver(driver, eyes, Arc::clone(sections)),
+            (None, Some(wall)) => wall_driver(driver, wall, Arc::clone(sections)),
+            (None, None) => driver,
         }
     }
 

@@ -8,7 +8,7 @@ use holo_driver_splats::SplatShape;
 use holo_session::DriverArg;
 use holo_splats::{SplatError, SplatFile};
 
-use crate::StereoArgs;
+use crate::{StereoArgs, WallArgs};
 
 /// The driver and its options.
 #[derive(Args, Clone, Debug, Default)]
@@ -26,6 +26,9 @@ pub struct DriverArgs {
     /// Two eyes.
     #[command(flatten)]
     pub stereo: StereoArgs,
+    /// The screens of a wall.
+    #[command(flatten)]
+    pub wall: WallArgs,
     /// With the driver `splats`: what `holodeck splats` has made [default: the holodeck's name with
     /// .splats]
     #[arg(long, value_name = "FILE.splats")]
@@ -147,6 +150,10 @@ impl DriverArgs {
             self.denoise.load(Quality::Balanced).map_err(|error| error.to_string())?;
         }
         self.stereo.check()?;
+        self.wall.check()?;
+        if self.stereo.stereo.is_some() && !self.wall.screens.is_empty() {
+            return Err("--stereo shows no --screen: leave out one of them".to_owned());
+        }
         match (self.driver, self.cells) {
             (DriverArg::Auto, _) | (_, None) => Ok(()),
             (driver, Some(_)) => {

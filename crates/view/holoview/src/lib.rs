@@ -178,8 +178,9 @@ pub async fn picture(
 pub async fn run_in_browser(config: Config, args: BrowserArgs, shutdown: Shutdown) -> Result<()> {
     config.check()?;
     let page = PageServer::open(&args).await?;
+    let screens = config.driver.wall.names();
     let (stage, front) = config.stage(args.record, shutdown).await?;
-    page.show(stage, front).await
+    page.show(stage, front, screens).await
 }
 
 /// The whole program: [`run`] until a signal.

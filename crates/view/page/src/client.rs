@@ -249,7 +249,9 @@ impl<'a> ClientWriter<'a> {
         states.mark_changed();
         roles.mark_changed();
         let Guest { number, key, .. } = self.guest;
-        self.send(text(to_page::hello(*number, key, &self.hub.session))).await?;
+        let hub = self.hub;
+        self.send(text(to_page::hello(*number, key, &hub.session, &hub.screens))).await?;
+        let mut rounds = hub.rounds.ended();
         let mut has_facts = false;
         let mut sent_at = Instant::now();
         let mut pings = interval(PING_EVERY);
@@ -258,10 +260,13 @@ impl<'a> ClientWriter<'a> {
             let is_hidden = self.wanted.borrow().is_hidden;
             if is_hidden {
                 frames = None;
+                hub.rounds.leave(self.guest.number);
             } else if frames.is_none() {
                 frames = Some(self.hub.front.frames.subscribe());
             }
             let latest = frames.as_mut().and_then(|frames| frames.borrow_and_update().clone());
+            rounds.mark_unchanged();
+            let latest = latest.map(|latest| hub.frame_for(self.guest.number, latest));
             if is_free && self.update(latest).await? {
                 sent_at = Instant::now();
                 continue;
@@ -270,6 +275,7 @@ impl<'a> ClientWriter<'a> {
             let calm = is_free && !is_hidden && !self.screen.is_exact() && self.is_at_rest();
             tokio::select! {
                 changed = next_frame(&mut frames), if is_free && !is_hidden => changed?,
+                changed = rounds.changed(), if is_free && !is_hidden => changed?,
                 changed = self.wanted.changed() => {
                     changed?;
                     self.note_shown();
@@ -313,6 +319,9 @@ impl<'a> ClientWriter<'a> {
         let shown = self.wanted.borrow_and_update().shown;
         if let Some(under_way) = self.under_way.take_if(|under_way| shown >= under_way.update) {
             self.screen.note(under_way.bytes, under_way.since.elapsed().as_secs_f64());
+            if let Some(on_screen) = &self.on_screen {
+                self.hub.rounds.shown(self.guest.number, on_screen.shown.number);
+            }
         }
     }
 

@@ -13,7 +13,7 @@ use holo_walk::Controls;
 use parking_lot::Mutex;
 use tokio::sync::{Notify, Semaphore, watch};
 
-use super::{dropped::DroppedFiles, eyes::AllEyes};
+use super::{dropped::DroppedFiles, eyes::AllEyes, together::FrameRounds};
 
 /// Most clients. Each one costs the memory of a picture.
 const MOST_CLIENTS: usize = 64;
@@ -40,6 +40,10 @@ pub struct Hub {
     /// Permits to encode a picture while it is drawn and sent. A client that takes nothing keeps
     /// one.
     pub encoders: Arc<Semaphore>,
+    /// Names of the screens of a wall; none without one.
+    pub screens: Vec<String>,
+    /// The frame that all of them show.
+    pub rounds: FrameRounds,
     /// Files that clients have dropped on the page.
     pub dropped: DroppedFiles,
     /// The frame that each client sees, by the client's number.
@@ -81,10 +85,12 @@ pub struct Guest {
 }
 
 impl Hub {
-    /// Returns a hub without clients.
-    pub fn new(front: Front) -> Hub {
+    /// Returns a hub without clients. `screens` are the names of a wall's screens.
+    pub fn new(front: Front, screens: Vec<String>) -> Hub {
         Hub {
             front,
+            screens,
+            rounds: FrameRounds::default(),
             roles: watch::Sender::default(),
             next_client: Mutex::new(1),
             session: name_of_session(),
@@ -143,6 +149,7 @@ impl Hub {
 
     /// Removes a client. If it drove, the first one drives.
     fn remove(&self, number: u32) {
+        self.rounds.leave(number);
         self.seen.lock().remove(&number);
         self.heard.lock().remove(&number);
         self.keys.lock().remove(&number);
@@ -189,6 +196,11 @@ impl Hub {
     /// Returns whether a request with this key comes from a client.
     pub fn is_key_of(&self, client: u32, key: &str) -> bool {
         self.keys.lock().get(&client).is_some_and(|known| known.is(key))
+    }
+
+    /// Returns the frame that a client shows next, if the stage's latest one is `latest`.
+    pub fn frame_for(&self, client: u32, latest: Arc<PublishedFrame>) -> Arc<PublishedFrame> {
+        if self.screens.is_empty() { latest } else { self.rounds.frame(client, latest) }
     }
 
     /// Returns the latest frame.

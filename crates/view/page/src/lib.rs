@@ -5,6 +5,7 @@
 //!   nor controls.
 //! - A client on another machine has an encrypted connection and the page's token.
 //! - At most one frame is under way to a client. When it has arrived, the latest frame follows.
+//! - The screens of a wall show one frame at a time. Its next one follows once all have shown it.
 //! - One client drives; other clients' inputs move nothing.
 //! - Connections are bounded in number, and in the time until their first request.
 //! - All input from a client is bounded, and malformed input ends only that client's connection.
@@ -25,6 +26,7 @@ mod screen;
 #[cfg(test)]
 mod tests;
 mod to_page;
+mod together;
 
 use std::{path::PathBuf, process::Stdio, sync::Arc};
 
@@ -92,11 +94,12 @@ impl PageServer {
         Ok(PageServer { door, url, opens_browser: !args.no_open })
     }
 
-    /// Shows a stage in a browser until somebody quits or the stage ends.
+    /// Shows a stage in a browser until somebody quits or the stage ends. `screens` are the names of
+    /// a wall's screens, whose pictures stand side by side in each frame.
     ///
     /// # Errors
     /// If the page cannot be served, or the stage's errors.
-    pub async fn show(self, stage: Stage, front: Front) -> Result<()> {
+    pub async fn show(self, stage: Stage, front: Front, screens: Vec<String>) -> Result<()> {
         let PageServer { door, url, opens_browser } = self;
         holo_progress::print_line!("{url}");
         if let Some(fingerprint) = door.fingerprint() {
@@ -109,7 +112,7 @@ impl PageServer {
         }
         follow_standard_input(front.inputs.clone());
         let ending = Shutdown::new();
-        let pages = tokio::spawn(serve(door, front, ending.clone()));
+        let pages = tokio::spawn(serve(door, Hub::new(front, screens), ending.clone()));
         // Drawing keeps its thread busy, and sockets must not wait for it.
         let played = tokio::task::spawn_blocking(move || stage.run()).await?;
         ending.trigger();
@@ -118,10 +121,10 @@ impl PageServer {
     }
 }
 
-/// Serves pages for a stage until `ending` is triggered and every client has been informed.
-async fn serve(door: PageSocket, front: Front, ending: Shutdown) -> Result<()> {
+/// Serves pages for the stage of a hub until `ending` is triggered and every client has been informed.
+async fn serve(door: PageSocket, hub: Hub, ending: Shutdown) -> Result<()> {
     let gate = door.gate()?;
-    let hub = Arc::new(Hub::new(front));
+    let hub = Arc::new(hub);
     let router = Router::new()
         .route("/", get(page::index))
         .route("/walk.css", get(page::style))

@@ -142,11 +142,11 @@ impl Framed<'_> {
 /// Returns the message that greets a client.
 ///
 /// `session` differs between sessions, so that a page knows when another one has begun. `key`
-/// proves that a request comes from this client.
-pub fn hello(client: u32, key: &str, session: &str) -> String {
+/// proves that a request comes from this client. `screens` are the names of a wall's screens.
+pub fn hello(client: u32, key: &str, session: &str, screens: &[String]) -> String {
     json!({
         "is": "hello", "client": client, "key": key, "session": session, "actions": ACTIONS, "gestures": GESTURES,
-        "drivers": DriverArg::names(), "most_pixels": MAX_PIXELS, "most_side": MAX_SIDE,
+        "screens": screens, "drivers": DriverArg::names(), "most_pixels": MAX_PIXELS, "most_side": MAX_SIDE,
     })
     .to_string()
 }

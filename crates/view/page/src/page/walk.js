@@ -68,6 +68,23 @@ function told(message) {
   }
 }
 
+/**
+ * The screens of a wall, by name, and the number of the one that this page shows. Their pictures
+ * stand side by side in each frame.
+ */
+let screens = [], screen = 0;
+
+function learnScreens(names) {
+  const wanted = new URLSearchParams(location.search).get('screen');
+  screens = names;
+  screen = Math.max(0, screens.indexOf(wanted));
+  if (wanted !== null && !screens.includes(wanted))
+    notice(screens.length ? `No screen is named ${wanted}. There are: ${screens.join(', ')}` : 'This session has no screens: state them by --screen.', 0);
+  document.body.dataset.screen = screens[screen] || '';
+  for (const canvas of [picture, moving]) Object.assign(canvas.style, screens.length ?
+    { width: `${100 * screens.length}%`, left: `${-100 * screen}%`, objectFit: 'fill' } : { width: '', left: '', objectFit: '' });
+}
+
 /** The server's session, and the view to return to if another one begins. */
 let session = null, viewBefore = null;
 
@@ -77,6 +94,7 @@ function greet(message) {
   if (session !== message.session) viewBefore = session ? header && header.options : viewOfAddress();
   session = message.session;
   learn(message);
+  learnScreens(message.screens);
   pictureLinks();
   sendDisplay();
   if (document.hidden) say('hidden', { hidden: true });
@@ -201,7 +219,7 @@ function sendSize() {
   let width = stage.clientWidth * ratio, height = stage.clientHeight * ratio;
   const share = Math.min(1, Math.sqrt(MOST_PIXELS / (width * height)));
   [width, height] = [width, height].map(side => Math.max(16, Math.round(side * share)));
-  say('size', { width, height });
+  say('size', { width: width * (screens.length || 1), height });
 }
 
 // ---- status and notices
@@ -393,7 +411,7 @@ function drawGrid() {
   if (overlay.width !== width || overlay.height !== height) [overlay.width, overlay.height] = [width, height];
   if (gridIsDrawn) grid.clearRect(0, 0, width, height);
   gridIsDrawn = false;
-  if (!view || !facts || view.kind !== 'v') return;
+  if (!view || !facts || view.kind !== 'v' || screens.length) return;
   const unknown = header ? header.unknown : 1;
   const strength = gridMode === 'on' ? 0.5 : gridMode === 'off' ? 0 :
     state && state.uncovered ? 0.5 : unknown > NOTHING_KNOWN && !drawsScene() ? 0.35 : 0;
@@ -776,12 +794,19 @@ let corner = null;
 /** Whether the pointer holds an object. */
 let holds = false;
 
-/** Returns a pointer's place in shares of the picture. */
+/** Returns a pointer's place in shares of the picture, or of this page's screen. */
 function shares(event) {
   const box = stage.getBoundingClientRect(), canvas = shown();
+  if (screens.length) return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
   const scale = Math.min(box.width / canvas.width, box.height / canvas.height);
   const [w, h] = [canvas.width * scale, canvas.height * scale];
   return [(event.clientX - box.left - (box.width - w) / 2) / w, (event.clientY - box.top - (box.height - h) / 2) / h];
+}
+
+/** Returns a pointer's place in shares of the frame. */
+function inFrame(event) {
+  const [x, y] = shares(event);
+  return screens.length ? [(screen + x) / screens.length, y] : [x, y];
 }
 
 /** Returns the angles of the whole picture. */
@@ -794,15 +819,15 @@ function sendCursor(event) {
   const now = performance.now();
   if (now - cursorAt < 33) return;
   cursorAt = now;
-  const at = shares(event);
-  say('cursor', { at: at.every(x => x >= 0 && x <= 1) ? at : null });
+  const isInside = shares(event).every(x => x >= 0 && x <= 1);
+  say('cursor', { at: isInside ? inFrame(event) : null });
 }
 
 stage.addEventListener('pointerdown', event => {
   if (event.target.closest('button')) return;
   stage.focus({ preventScroll: true });
   if (pointers.size === 0) { cursorAt = 0; sendCursor(event); button = event.button; }
-  corner = event.ctrlKey || event.metaKey ? shares(event) : null;
+  corner = (event.ctrlKey || event.metaKey) && !screens.length ? shares(event) : null;
   holds = event.shiftKey && !corner && event.button === 0;
   if (holds) say('grab', { at: shares(event) });
   pointers.set(event.pointerId, event);

@@ -1,6 +1,7 @@
 //! Tests of the page's protocol over real sockets. The test takes the stage's place.
 
 mod outside;
+mod wall;
 
 use std::{
     sync::{Arc, mpsc},
@@ -25,7 +26,7 @@ use tokio_tungstenite::{
     tungstenite::{Error, Message, client::IntoClientRequest},
 };
 
-use super::{door::PageSocket, serve};
+use super::{door::PageSocket, hub::Hub, serve};
 
 /// Longest wait in a test.
 const LIMIT: Duration = Duration::from_secs(20);
@@ -48,13 +49,23 @@ impl Server {
         Server::behind(PageSocket::open("127.0.0.1:0", None).await.unwrap())
     }
 
+    /// Serves the screens of a wall.
+    async fn with_screens(names: &[&str]) -> Server {
+        let door = PageSocket::open("127.0.0.1:0", None).await.unwrap();
+        Server::of(door, names.iter().map(|&name| name.to_owned()).collect())
+    }
+
     fn behind(door: PageSocket) -> Server {
+        Server::of(door, Vec::new())
+    }
+
+    fn of(door: PageSocket, screens: Vec<String>) -> Server {
         let url = door.url().unwrap();
         let port = url.split(['/', ':']).nth(4).unwrap().parse().unwrap();
         let (inputs, receiver) = Inputs::new(Arc::new(|| {}));
         let front = Front { inputs, frames: Arc::default(), state: Arc::default() };
         let ending = Shutdown::new();
-        let served = tokio::spawn(serve(door, front.clone(), ending.clone()));
+        let served = tokio::spawn(serve(door, Hub::new(front.clone(), screens), ending.clone()));
         Server { front, inputs: receiver, url, port, ending, served, frames: 0 }
     }
 
