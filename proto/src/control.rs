@@ -37,6 +37,8 @@ pub enum Engine {
     Path,
     /// Paths that end in shared cells of surface light.
     Gather,
+    /// None: the rays are pixels of pictures with distances, and nothing is traced.
+    Captured,
 }
 
 impl Engine {
@@ -45,6 +47,7 @@ impl Engine {
         match self {
             Engine::Path => "path",
             Engine::Gather => "gather",
+            Engine::Captured => "captured",
         }
     }
 }

@@ -16,7 +16,9 @@ use crate::prepare::{Edited, SMALL_CACHE};
 /// If there is no such object, the scene cannot be read again, or the file cannot be written. It
 /// then has the scene before.
 pub fn bake(path: &Path, baked: &[String], taken_out: &[String]) -> Result<Vec<String>> {
-    let up = DVec3::from_array(Holodeck::open_read_only(path, SMALL_CACHE)?.about.up);
+    let about = Holodeck::open_read_only(path, SMALL_CACHE)?.about;
+    about.check_traced(path)?;
+    let up = DVec3::from_array(about.up);
     let folder = ObjectFolder::beside(path, true);
     let baked = baked.iter().map(|name| folder.placed(name, up));
     let baked = baked.collect::<Result<_>>()?;

@@ -88,6 +88,7 @@ pub struct HolodeckConfig {
     /// True if the distances in flat mirrors and glass are those of the surfaces that they show.
     pub virtual_distance: Option<bool>,
     /// The engine that traces.
+    #[serde(deserialize_with = "ranges::engine")]
     pub engine: Option<Engine>,
     /// Limit of indirect light, in bounces.
     pub bounces: Option<u32>,
@@ -214,6 +215,7 @@ impl Unit {
 
 /// Keys with the ranges of the options of the same names.
 mod ranges {
+    use holo_proto::control::Engine;
     use serde::{Deserialize, Deserializer, de::Error};
 
     /// Reads a value, and checks it.
@@ -239,6 +241,16 @@ mod ranges {
 
     pub fn paths<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u16>, D::Error> {
         checked(from, |paths| at_least_one(*paths > 0))
+    }
+
+    pub fn engine<'a, D: Deserializer<'a>>(from: D) -> Result<Option<Engine>, D::Error> {
+        checked(from, |engine| {
+            match engine {
+                Engine::Captured => Err("`captured` traces nothing: there are `path` and `gather`"),
+                Engine::Path | Engine::Gather => Ok(()),
+            }
+            .map_err(str::to_owned)
+        })
     }
 
     pub fn cache<'a, D: Deserializer<'a>>(from: D) -> Result<Option<u64>, D::Error> {
@@ -571,6 +583,7 @@ mod tests {
             ("unit = nan", "positive"),
             ("up = [0, 0, 0]", "direction"),
             ("bounces = -1", "-1"),
+            ("engine = \"captured\"", "traces nothing"),
         ] {
             let said = error(&format!("scene = \"a.obj\"\n{line}\n{views}"));
             assert!(said.contains("ten views.toml") && said.contains("line 2"), "{line}: {said}");

@@ -90,10 +90,10 @@ pub fn copy(from: &Path, to: &Path, config: &HolodeckConfig) -> Result<Reframed>
     ensure!(!to.exists(), "{} exists already: name a new file", to.display());
     let old = Holodeck::open_read_only(from, SMALL_CACHE)?;
     let packed = old.packed_scene().with_context(|| format!("reading {}", from.display()))?;
-    let scene = Scene::unpack(&packed)
-        .with_context(|| format!("reading the scene of {}", from.display()))?;
+    let scene = (!packed.is_empty()).then(|| Scene::unpack(&packed)).transpose();
+    let scene = scene.with_context(|| format!("reading the scene of {}", from.display()))?;
     let sections = config.section.iter().enumerate().map(|(index, section)| {
-        spec(config, &scene, section, index).with_context(|| format!("section {index}"))
+        spec(config, scene.as_ref(), section, index).with_context(|| format!("section {index}"))
     });
     let sections = sections.collect::<Result<Vec<_>>>()?;
     let doing = || format!("copying {} to {}", from.display(), to.display());

@@ -14,6 +14,7 @@
 //! | objects that become part of a file's scene | [`bake::bake`] |
 //! | static files that draw a file in a browser | [`export::export`] |
 //! | splats of a file, for huge files and pages | [`splats::make`] |
+//! | a file of captured pictures | [`import::import`] |
 //! | a file that is read faster, or has other sections | [`files::optimize`], [`files::copy`] |
 //! | what is odd in a model | [`check::check`] |
 //! | the difference between two pictures | [`compare::compare`] |
@@ -31,10 +32,12 @@ pub mod check;
 pub mod compare;
 pub mod config;
 mod crew;
+mod depths;
 mod differences;
 pub mod export;
 pub mod files;
 pub mod fill;
+pub mod import;
 pub mod info;
 pub mod light;
 mod limit;

@@ -13,8 +13,8 @@ use holo_view::{BrowserArgs, WindowRequest};
 use holodeck::{session::FrontEnd, settings::Usage};
 
 use commands::{
-    arguments, bake, check, compare, copy, demo, export, fill, forget, info, merge, optimize,
-    picture, render, sections, splats, status, tokens, view,
+    arguments, bake, check, compare, copy, demo, export, fill, forget, import, info, merge,
+    optimize, picture, render, sections, splats, status, tokens, view,
 };
 
 #[global_allocator]
@@ -67,6 +67,7 @@ enum Command {
     Bake(bake::BakeArgs),
     Splats(splats::SplatsArgs),
     Export(export::ExportArgs),
+    Import(import::ImportArgs),
     Status(status::StatusArgs),
     Tokens(tokens::TokensArgs),
     /// Serve one holodeck to workers and displays (also the program `holoserver`)
@@ -175,6 +176,7 @@ async fn run(program: Program, screen: WindowRequest) -> anyhow::Result<()> {
         Command::Bake(args) => bake::run(&args),
         Command::Splats(args) => splats::run(args),
         Command::Export(args) => export::run(args),
+        Command::Import(args) => import::run(&args),
         Command::Status(args) => status::run(args).await,
         Command::Tokens(args) => tokens::run(&args),
         Command::Holoserver(config) => holo_server::run_until_signal(config).await,

@@ -62,6 +62,7 @@ pub fn make(
     quiet: bool,
 ) -> Result<Holodeck> {
     let existing = path.exists().then(|| Holodeck::open(path, SMALL_CACHE)).transpose()?;
+    existing.as_ref().map_or(Ok(()), |file| file.about.check_traced(path))?;
     let mut opened = match &existing {
         None => open(config, OpeningRequest::Sections, quiet)?,
         // The choices stored in the file stay.
@@ -177,6 +178,7 @@ impl Edited {
         change: &SceneChange,
     ) -> Result<Edited> {
         let file = Holodeck::open_read_only(path, SMALL_CACHE)?;
+        file.about.check_traced(path)?;
         let mut config = config.map_or_else(|| config_of(path, &file.about), |c| Ok(c.clone()))?;
         if !change.light.is_empty() {
             config.set_light(config.light().changed(change.light.options())?);
@@ -280,6 +282,14 @@ impl Edited {
             .first()
             .map(|first| format!("the edited scene is in use, but {first}{more}")))
     }
+}
+
+/// Checks that rays can be traced for a file.
+///
+/// # Errors
+/// If its rays were captured, or it cannot be read.
+pub fn check_traced(path: &Path) -> Result<()> {
+    Holodeck::open_read_only(path, SMALL_CACHE)?.about.check_traced(path)
 }
 
 /// Returns what is stated for the scene of a file.
@@ -480,12 +490,14 @@ fn engine_words(engine: Engine) -> &'static str {
             "engine gather: paths end in shared cells of surface light \
              (--engine path gives unbiased, noisier samples)"
         }
+        Engine::Captured => "engine captured: nothing is traced",
     }
 }
 
 fn sections(config: &HolodeckConfig, opened: &OpenedScene) -> Result<Vec<SectionSpec>> {
     let specs = opened.sections.iter().enumerate().map(|(index, section)| {
-        spec(config, &opened.scene, section, index).with_context(|| format!("section {index}"))
+        spec(config, Some(&opened.scene), section, index)
+            .with_context(|| format!("section {index}"))
     });
     specs.collect()
 }
@@ -493,12 +505,13 @@ fn sections(config: &HolodeckConfig, opened: &OpenedScene) -> Result<Vec<Section
 /// Returns the specification of a section that was stated or found, and prints it.
 pub(crate) fn spec(
     config: &HolodeckConfig,
-    scene: &Scene,
+    scene: Option<&Scene>,
     section: &config::SectionTable,
     index: usize,
 ) -> Result<SectionSpec> {
-    let inside = scene
-        .geometry_inside(DVec3::from_array(section.origin), section.axes.map(DVec3::from_array));
+    let (origin, axes) = (DVec3::from_array(section.origin), section.axes.map(DVec3::from_array));
+    // Without a scene, anything may be inside.
+    let inside = scene.is_none_or(|scene| scene.geometry_inside(origin, axes));
     let obstructions = match config.obstructions.unwrap_or_default() {
         Obstructions::Auto => inside,
         Obstructions::On => true,

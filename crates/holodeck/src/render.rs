@@ -19,6 +19,7 @@ use holo_view::{Denoiser, ViewArgs, denoise};
 
 use crate::{
     config::HolodeckConfig,
+    depths::depths,
     opening::{OpenedScene, OpeningRequest, open},
     passes::TraceJob,
     settings::settings,
@@ -49,6 +50,8 @@ pub struct RenderRequest {
     pub denoiser: Option<Denoiser>,
     /// True if standard errors are wanted.
     pub has_errors: bool,
+    /// True if the distance of what each pixel shows is wanted.
+    pub has_depths: bool,
     /// Threads that trace. `None`: one per core.
     pub threads: Option<u16>,
     /// Hides progress and the choices about the scene.
@@ -62,6 +65,9 @@ pub struct RenderedPicture {
     /// The standard error of every pixel, if they were wanted. Paths count as independent. With the
     /// engine `gather`, the error of cells is included, but not the bias of their width.
     pub errors: Option<Picture>,
+    /// The distances of what the middles of pixels show, scene units, if they were wanted. Infinite
+    /// for the sky.
+    pub depths: Option<Picture>,
     /// Number of paths of all pixels.
     pub paths: u64,
     /// Least and most paths of a pixel.
@@ -96,10 +102,12 @@ pub async fn render(request: RenderRequest, shutdown: &Shutdown) -> Result<Rende
                 bail!("`--reflections cached` goes with `--engine path` only")
             }
             Engine::Gather => tracer.with_gather(),
+            Engine::Captured => bail!("the engine `captured` traces nothing"),
         }
         .with_visible_sun())
     };
     let has_twin = has_errors && settings.engine == Engine::Gather;
+    let depths = request.has_depths.then(|| depths(&raycaster, &view, size));
     let (tracer, twin) = (tracer()?, has_twin.then(tracer).transpose()?);
     let threads = threads.map_or_else(cores, usize::from).max(1);
     let seed = settings.seed;
@@ -107,7 +115,7 @@ pub async fn render(request: RenderRequest, shutdown: &Shutdown) -> Result<Rende
     let until = shutdown.clone();
     let traced = tokio::task::spawn_blocking(move || trace(&job, quiet, &until)).await?;
     let denoised = denoiser.and_then(|denoiser| traced.denoised(denoiser, raycaster, shutdown));
-    Ok(traced.finish(has_errors, denoised.transpose()?))
+    Ok(RenderedPicture { depths, ..traced.finish(has_errors, denoised.transpose()?) })
 }
 
 /// Opens the scene, and returns it with the view and the size of the picture. If the view is stated
@@ -239,6 +247,7 @@ impl TracedView {
             Picture { pixels, ..Picture::new(size.0, size.1) }
         });
         let TracedView { seconds, nonfinite, .. } = self;
-        RenderedPicture { picture, errors, paths, spp, seconds, nonfinite, untraced }
+        let depths = None;
+        RenderedPicture { picture, errors, depths, paths, spp, seconds, nonfinite, untraced }
     }
 }

@@ -91,6 +91,7 @@ async fn a_rendered_picture_is_equal_to_itself_and_has_as_many_paths_as_were_wan
         limit: WorkLimit::Paths(3),
         caches_reflections: false,
         denoiser: None,
+        has_depths: false,
         has_errors: true,
         threads: Some(1),
         quiet: true,

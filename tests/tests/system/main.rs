@@ -7,6 +7,7 @@ mod advice;
 mod analytic;
 mod better;
 mod browser;
+mod captured;
 mod cells;
 mod coming_and_going;
 mod disk;

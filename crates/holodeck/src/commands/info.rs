@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use holo_progress::{HumanBytes, HumanCount};
+use holo_proto::control::Engine;
 use holo_section::ViewClass;
 use holodeck::info::{HolodeckInfo, SkippedInfo, WorkerInfo};
 
@@ -64,10 +65,18 @@ pub fn info(args: &InfoArgs) -> Result<()> {
             HumanCount(info.earlier_samples)
         );
     }
+    let is_captured = info.settings.engine == Engine::Captured;
     let paths =
         info.paths.iter().map(|(paths, samples)| format!("{} have {paths}", HumanCount(*samples)));
-    holo_progress::print_line!("paths per sample: {}", paths.collect::<Vec<_>>().join(", "));
+    if !is_captured {
+        holo_progress::print_line!("paths per sample: {}", paths.collect::<Vec<_>>().join(", "));
+    }
     for WorkerInfo { made_by, samples } in &info.workers {
+        if is_captured {
+            let (id, name, samples) = (made_by.id, &made_by.name, HumanCount(*samples));
+            holo_progress::print_line!("picture {id} ({name}): {samples} samples");
+            continue;
+        }
         let token = made_by.token.as_ref().map_or_else(String::new, |t| format!(", token {t}"));
         let of = made_by.light_of.iter().map(u16::to_string).collect::<Vec<_>>().join(", ");
         let light = if of.is_empty() { of } else { format!(", with surface light of {of}") };
@@ -79,17 +88,12 @@ pub fn info(args: &InfoArgs) -> Result<()> {
             HumanCount(made_by.claims)
         );
     }
-    holo_progress::print_line!("scene: {}", info.scene.source);
-    let bounces =
-        info.settings.bounces.map_or("unlimited bounces".to_owned(), |n| format!("{n} bounces"));
-    let engine = info.settings.engine.name();
-    let earlier = info.earlier_engine.as_ref();
-    let earlier = earlier.map_or_else(String::new, |name| format!(" (first samples: {name})"));
-    let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };
-    holo_progress::print_line!(
-        "engine: {engine}{earlier}, {bounces}, {} paths per new sample{distances}",
-        info.settings.paths_per_sample
-    );
+    if is_captured {
+        holo_progress::print_line!("scene: none; the rays are pixels of {}", info.scene.source);
+        holo_progress::print_line!("engine: captured, nothing is traced");
+    } else {
+        print_tracing(&info);
+    }
     if info.cells > 0 {
         holo_progress::print_line!("surface light: {} cells", HumanCount(info.cells as u64));
     }
@@ -123,6 +127,21 @@ pub fn info(args: &InfoArgs) -> Result<()> {
         holo_progress::print_line!("damaged: {damage}");
     }
     Ok(())
+}
+
+/// Prints the scene, and how it is traced.
+fn print_tracing(info: &HolodeckInfo) {
+    holo_progress::print_line!("scene: {}", info.scene.source);
+    let bounces =
+        info.settings.bounces.map_or("unlimited bounces".to_owned(), |n| format!("{n} bounces"));
+    let engine = info.settings.engine.name();
+    let earlier = info.earlier_engine.as_ref();
+    let earlier = earlier.map_or_else(String::new, |name| format!(" (first samples: {name})"));
+    let distances = if info.settings.virtual_distance { ", virtual distances" } else { "" };
+    holo_progress::print_line!(
+        "engine: {engine}{earlier}, {bounces}, {} paths per new sample{distances}",
+        info.settings.paths_per_sample
+    );
 }
 
 /// Prints the index, layers, and blocks of unknown kinds.

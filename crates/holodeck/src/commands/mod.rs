@@ -14,6 +14,7 @@ pub mod demo;
 pub mod export;
 pub mod fill;
 pub mod forget;
+pub mod import;
 pub mod info;
 mod light_args;
 mod listen_args;

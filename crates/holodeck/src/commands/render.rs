@@ -55,6 +55,10 @@ pub struct RenderArgs {
     /// which pixels share, is included
     #[arg(long, value_name = "FILE", value_parser = picture_path())]
     se: Option<PathBuf>,
+    /// Also write the distance of what the middle of each pixel shows to this file (.exr .pfm), in
+    /// scene units: infinite for the sky, and no number in the corners of fisheyes
+    #[arg(long, value_name = "FILE", value_parser = picture_path())]
+    depth: Option<PathBuf>,
     #[command(flatten)]
     scene_args: SceneArgs,
     /// Threads that trace [default: one per core]
@@ -97,6 +101,7 @@ pub async fn run(args: RenderArgs) -> Result<()> {
         denoiser: args.denoise.load(Quality::High)?,
         caches_reflections: args.reflections,
         has_errors: args.se.is_some(),
+        has_depths: args.depth.is_some(),
         threads: args.threads.or(config.threads),
         quiet: args.quiet,
         config,
@@ -108,10 +113,14 @@ pub async fn run(args: RenderArgs) -> Result<()> {
 
 /// Writes a picture and its standard errors, and reports them.
 fn write(rendered: RenderedPicture, args: &RenderArgs, path: &Path) -> Result<()> {
-    let RenderedPicture { picture, errors, paths, spp: (least, most), seconds, .. } = rendered;
+    let RenderedPicture { picture, errors, depths, paths, spp: (least, most), seconds, .. } =
+        rendered;
     let exposure = args.look.write(&picture, path)?;
     if let (Some(path), Some(errors)) = (&args.se, errors) {
         errors.write(path)?;
+    }
+    if let (Some(path), Some(depths)) = (&args.depth, depths) {
+        depths.write(path)?;
     }
     let output = path.display();
     if rendered.untraced > 0 {

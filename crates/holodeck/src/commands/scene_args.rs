@@ -129,6 +129,9 @@ fn parse_engine(text: &str) -> Result<Engine, String> {
         "cached" => Err("there is no engine `cached` any more; `gather` takes its place, also in \
                          files that it made"
             .to_owned()),
+        "captured" => Err("`captured` traces nothing: `holodeck import` makes such files; the \
+                           engines that trace are `path` and `gather`"
+            .to_owned()),
         other => Err(format!("`{other}` is not an engine; there are `path` and `gather`")),
     }
 }
@@ -159,7 +162,7 @@ fn parse_stand_in(text: &OsStr) -> Result<(usize, PathBuf), String> {
     }
 }
 
-fn numbers(text: &str) -> Result<[f64; 3], String> {
+pub(super) fn parse_numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|word| word.trim().parse().ok()).collect();
     let finite = numbers.iter().all(|number: &f64| number.is_finite());
     let triple: Option<[f64; 3]> =
@@ -168,7 +171,8 @@ fn numbers(text: &str) -> Result<[f64; 3], String> {
 }
 
 pub(super) fn parse_section(text: &str) -> Result<config::SectionTable, String> {
-    let parts: Vec<[f64; 3]> = text.split_whitespace().map(numbers).collect::<Result<_, _>>()?;
+    let parts: Vec<[f64; 3]> =
+        text.split_whitespace().map(parse_numbers).collect::<Result<_, _>>()?;
     let (origin, axes, grid) = match parts[..] {
         [origin, a, b, c] => (origin, [a, b, c], None),
         [origin, a, b, c, grid] => (origin, [a, b, c], Some(grid)),

@@ -182,6 +182,7 @@ pub async fn view(mut args: ViewCommand, screen: WindowRequest) -> Result<()> {
     if let Some(file) = args.what.as_ref().filter(|_| is_holodeck) {
         let (threads, cache) = (args.threads, args.cache);
         let file = file.clone();
+        prepare::check_traced(&file)?;
         if args.restart {
             let again = file.clone();
             tokio::task::spawn_blocking(move || {

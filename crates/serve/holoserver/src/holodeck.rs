@@ -80,7 +80,10 @@ fn write_scene(file: &BeamFile, about: &HolodeckDescription, packed_scene: &[u8]
         Scene::content_hash(packed_scene) == about.scene.hash,
         "the description is of another scene"
     );
-    file.put_blob(&about.own_blob(SCENE), packed_scene)?;
+    // A file of captured rays has no scene.
+    if !packed_scene.is_empty() {
+        file.put_blob(&about.own_blob(SCENE), packed_scene)?;
+    }
     // After a crash before this, the file has its former scene, and a blob that nothing uses.
     about.write(file)?;
     Ok(file.flush()?)
@@ -509,6 +512,9 @@ impl Holodeck {
     pub fn packed_scene(&self) -> Result<Arc<[u8]>> {
         if let Some(scene) = self.scene.get() {
             return Ok(Arc::clone(scene));
+        }
+        if self.about.scene.bytes == 0 {
+            return Ok(Arc::default());
         }
         let name = self.path.display();
         let blob = self.about.own_blob(SCENE);

@@ -13,6 +13,7 @@ mod baked;
 mod baked_models;
 mod batch;
 mod better;
+mod captured;
 mod cells;
 mod claims;
 mod config;
@@ -54,6 +55,7 @@ use std::{net::SocketAddr, sync::Arc, time::Duration};
 pub use about::{HolodeckDescription, SceneReading};
 use anyhow::Result;
 pub use baked::{BakedObject, BakedPose};
+pub use captured::{CapturedCounts, CapturedRay};
 pub use config::{Config, parse_count, parse_memory, parse_size, parse_time};
 pub use doors::{Outside, Ready};
 pub use file_size::outlive_file_size_limit;
@@ -111,7 +113,10 @@ pub async fn run(config: Config, shutdown: Shutdown, ready: impl FnOnce(Ready)) 
     let open = move || {
         let holodeck = match config.display_only {
             true => Holodeck::open_read_only(&path, cache),
-            false => Holodeck::open(&path, cache),
+            false => Holodeck::open(&path, cache).and_then(|holodeck| {
+                holodeck.about.check_traced(&path)?;
+                Ok(holodeck)
+            }),
         };
         if config.no_skip_unseen { holodeck.map(Holodeck::without_skipping) } else { holodeck }
     };

@@ -40,6 +40,11 @@ impl Holodeck {
         ensure!(ours.scene == theirs.scene, "they are of different scenes");
         ensure!(ours.sections == theirs.sections, "they have different sections");
         ensure!(ours.settings == theirs.settings, "they were traced with different settings");
+        // Their numbers name pixels of different pictures.
+        ensure!(
+            !ours.is_captured(),
+            "they hold captured rays: import all pictures into one file with a list"
+        );
         let mut merged = Merged::default();
         let makers: HashMap<Maker, Maker> =
             self.makers_mut().merge(&other.makers()).into_iter().collect();

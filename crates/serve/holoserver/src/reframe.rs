@@ -17,7 +17,7 @@ use crate::holodeck::Holodeck;
 use crate::merge::by_maker;
 
 /// Samples that are sorted by their new beams at a time: 60 MB.
-const SORTED: usize = 2_000_000;
+pub(crate) const SORTED: usize = 2_000_000;
 
 /// Largest distance of a snapped ray from the place that the ray hit, in steps of the section.
 const MOST_STEPS: f64 = 3.0;
@@ -48,11 +48,11 @@ struct KnownRay {
 }
 
 /// A sample on its way to a new beam.
-struct MovedSample {
-    key: BeamKey,
-    maker: Maker,
-    paths: u16,
-    sample: Sample,
+pub(crate) struct MovedSample {
+    pub key: BeamKey,
+    pub maker: Maker,
+    pub paths: u16,
+    pub sample: Sample,
 }
 
 impl Holodeck {
@@ -149,7 +149,7 @@ impl Holodeck {
     }
 
     /// Appends samples as single rays of their beams, and empties the list.
-    fn store(&self, moved: &mut Vec<MovedSample>) -> Result<(), holo_beamfile::Error> {
+    pub(crate) fn store(&self, moved: &mut Vec<MovedSample>) -> Result<(), holo_beamfile::Error> {
         moved.sort_by_key(|moved| (moved.key, moved.maker, moved.paths));
         let is_run = |a: &MovedSample, b: &MovedSample| {
             (a.key, a.maker, a.paths) == (b.key, b.maker, b.paths)

@@ -169,5 +169,6 @@ fn build(raycaster: Raycaster, settings: RenderSettings) -> Result<Tracer> {
     Ok(match settings.engine {
         Engine::Path => tracer,
         Engine::Gather => tracer.with_gather(),
+        Engine::Captured => bail!("its rays were captured: nothing can be traced for it"),
     })
 }

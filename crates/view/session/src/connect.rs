@@ -272,9 +272,12 @@ impl Connected {
     /// scene arrives.
     ///
     /// # Errors
-    /// If the connection is lost, the driver requires the scene and it cannot be used, or an object
-    /// cannot be used.
+    /// If the connection is lost, the driver requires the scene and there is none or it cannot be
+    /// used, or an object cannot be used.
     pub fn begin(self, mut progress: impl FnMut(&str)) -> Result<Option<Session>> {
+        if self.choice.scene_use() == SceneUse::Required && self.welcome.scene.bytes == 0 {
+            bail!("this holodeck has no scene, which the driver draws from: choose another driver");
+        }
         let mut scene = None;
         if self.awaits_scene {
             let is_required = self.choice.scene_use() == SceneUse::Required;

@@ -8,16 +8,17 @@ use std::{
 };
 
 use anyhow::{Context, Result, bail};
+use glam::DVec3;
 use holo_display::{
     FrameRequest, Search, SelectOptions, Selection, UsefulBeam, ViewPhases, select_beams, viewpoint,
 };
 use holo_proto::{
     LEAST_TRACED_WEIGHT,
     bulk::{LiveWanted, RaysWanted, RequestedBeam, ViewRequest, WantedRay},
-    control::Control,
+    control::{Control, Engine},
     frame::FrameKind,
 };
-use holo_section::{BeamKey, Section};
+use holo_section::{BeamId, BeamKey, Section};
 
 use super::{
     EyeVelocity, Session, Waker,
@@ -62,6 +63,10 @@ const AT_REST: Duration = Duration::from_millis(150);
 
 /// Interval between requests of single rays, for drivers that request them.
 const RAYS_EVERY: Duration = Duration::from_millis(50);
+
+/// Most beams of which the stored samples are requested for a view of captured rays: those of a
+/// section with the usual grid, and more.
+const EVERY_BEAM: u64 = 250_000;
 
 /// The error that no section covers any part of a view.
 #[derive(Debug)]
@@ -334,6 +339,13 @@ impl Session {
             current.asks_later = true;
             return Ok(());
         }
+        let asks_all = current.asked == RequestedSamples::Crossed
+            && self.welcome.settings.engine == Engine::Captured;
+        if asks_all {
+            let also = every_beam(&self.sections, current.look.view.vp);
+            (current.asked, current.also) = (RequestedSamples::Surfaces, also);
+            return self.ask_for_all();
+        }
         let search = match current.asked {
             _ if current.is_searching => return Ok(()),
             RequestedSamples::Crossed => Search::Quick,
@@ -519,4 +531,21 @@ impl Session {
 /// Returns the request of a beam, none of whose samples are here.
 pub(super) fn requested(beam: &holo_display::WantedBeam) -> RequestedBeam {
     RequestedBeam { key: beam.key, weight: beam.weight, held: 0, has_earlier: false }
+}
+
+/// Returns all beams of as many sections as the limit allows, those around the eye first. Captured
+/// rays pass few eyes: a view between these may cross none of their beams, and then nothing is
+/// known of its surfaces.
+fn every_beam(sections: &[Section], eye: DVec3) -> Vec<UsefulBeam> {
+    let mut order: Vec<(usize, &Section)> = sections.iter().enumerate().collect();
+    order.sort_by_key(|(_, section)| !section.contains(eye));
+    let mut all = Vec::new();
+    for (index, section) in order {
+        let Ok(index) = u16::try_from(index) else { continue };
+        if all.len() as u64 + section.beam_count() <= EVERY_BEAM {
+            let key = |beam| BeamKey { section: index, beam: BeamId(beam) };
+            all.extend((0..section.beam_count()).map(|beam| (key(beam), 1.0)));
+        }
+    }
+    all
 }

@@ -205,7 +205,7 @@ fn section() -> impl Strategy<Value = SectionSpec> {
 }
 
 fn welcome() -> impl Strategy<Value = Control> {
-    let engine = prop_oneof![Just(Engine::Path), Just(Engine::Gather)];
+    let engine = prop_oneof![Just(Engine::Path), Just(Engine::Gather), Just(Engine::Captured)];
     let numbers = (any::<Option<u32>>(), 1..=u16::MAX, any::<u64>(), any::<bool>());
     let settings = (engine, numbers).prop_map(
         |(engine, (bounces, paths_per_sample, seed, virtual_distance))| RenderSettings {

@@ -54,7 +54,7 @@ impl Coordinator {
     pub(super) fn audited(&mut self, audit: Audit, samples: Option<&[Sample]>) -> Result<()> {
         let settings = &self.holodeck.about.settings;
         let noise = match settings.engine {
-            Engine::Path => 0.0,
+            Engine::Path | Engine::Captured => 0.0,
             // Their cells have an error that neighbouring rays share.
             Engine::Gather => CELLS_NOISE,
         };

@@ -1,6 +1,6 @@
 //! OpenEXR: R, G and B as 32-bit floats, written with lossless compression. The view is the text
-//! attribute `VIEW`. A file with the channel `Y` alone is grey. Primaries other than ours are
-//! converted.
+//! attribute `VIEW`. A file with the channel `Y` alone is grey, and so is one with a single channel
+//! of any name, such as a depth. Primaries other than ours are converted.
 //!
 //! Invariant: sizes and channels of the header are bounded before any pixel is decoded.
 
@@ -71,16 +71,16 @@ pub(super) fn encode(picture: &Picture) -> Result<Vec<u8>, PictureError> {
 }
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Picture, PictureError> {
-    let is_grey = check_header(bytes)?;
+    let grey = check_header(bytes)?;
     let reader = exr::prelude::read().no_deep_data().largest_resolution_level();
     let blank = |size: Vec2<usize>| (size.width(), vec![[0.0f32; 3]; size.area()]);
     let set = |(width, pixels): &mut Pixels, at: Vec2<usize>, rgb: [f32; 3]| {
         pixels[at.y() * *width + at.x()] = rgb;
     };
-    let (size, pixels, attributes, other) = if is_grey {
+    let (size, pixels, attributes, other) = if let Some(grey) = grey {
         let image = reader
             .specific_channels()
-            .required("Y")
+            .required(grey)
             .collect_pixels(
                 move |size: Vec2<usize>, _: &_| blank(size),
                 move |pixels: &mut Pixels, at: Vec2<usize>, (y,): (f32,)| set(pixels, at, [y; 3]),
@@ -132,12 +132,12 @@ fn conversion(stated: Chromaticities) -> Option<DMat3> {
     Primaries::new(numbers)?.to_rec709()
 }
 
-/// Checks that every layer is within the limits and has a safe compression. Returns true if no
-/// layer has colours and one has the channel `Y` alone.
+/// Checks that every layer is within the limits and has a safe compression. Returns the channel of
+/// a grey picture: `Y` if no layer has colours, or the only channel of the file.
 ///
 /// The library reads the table of chunks before it decodes pixels, so it rejects files that are far
 /// too short.
-fn check_header(bytes: &[u8]) -> Result<bool, PictureError> {
+fn check_header(bytes: &[u8]) -> Result<Option<Text>, PictureError> {
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(failed)?;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.width(), header.layer_size.height());
@@ -160,11 +160,14 @@ fn check_header(bytes: &[u8]) -> Result<bool, PictureError> {
             )));
         }
     }
-    let has = |name: &str| {
-        let mut channels = meta.headers.iter().flat_map(|header| &header.channels.list);
-        channels.any(|channel| channel.name.eq(name))
-    };
-    Ok(has("Y") && !["R", "G", "B", "RY", "BY"].into_iter().any(has))
+    let channels = || meta.headers.iter().flat_map(|header| &header.channels.list);
+    let has = |name: &str| channels().any(|channel| channel.name.eq(name));
+    if has("Y") {
+        let is_grey = !["R", "G", "B", "RY", "BY"].into_iter().any(has);
+        return Ok(is_grey.then(|| Text::from("Y")));
+    }
+    let only = channels().next().filter(|_| channels().count() == 1);
+    Ok(only.map(|channel| channel.name.clone()))
 }
 
 /// Returns the view; `None` if it cannot be understood, which leaves the pixels usable.
