@@ -291,7 +291,7 @@ fn a_file_is_made_whole_or_not_at_all() {
     };
     let file = named("a.holo");
     let try_import = |panorama: Vec<PanoramaSource>, section: Vec<&str>| {
-        let section = section.into_iter().map(|text| section_of(text)).collect();
+        let section = section.into_iter().map(section_of).collect();
         let list = ImportList { panorama, section, ..ImportList::default() };
         import(&list, &file, &mut |_| {}).map_err(|error| format!("{error:#}"))
     };
