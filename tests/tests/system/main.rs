@@ -16,6 +16,7 @@ mod export;
 mod fault_loop;
 mod fill;
 mod forget;
+mod haze;
 mod headset;
 mod hostile;
 mod interrupted;

@@ -22,7 +22,7 @@ use holo_driver_splats::splats_driver;
 use holo_driver_surfaces::{StandIn, StandIns, stand_ins_driver, surfaces_driver};
 use holo_proto::stand_ins::StandInKind;
 use holo_section::Section;
-use holo_session::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
+use holo_session::{DriverArg, DriverChoice, HazeOption, LoadedScene, LoadedStandIn, SceneUse};
 use holo_splats::SplatFile;
 use holo_stereo::{stereo_driver, wall_driver};
 
@@ -72,6 +72,10 @@ impl DriverChoice for DriverOptions {
             (None, Some(wall)) => wall_driver(driver, wall, Arc::clone(sections)),
             (None, None) => driver,
         }
+    }
+
+    fn haze(&self) -> Option<HazeOption> {
+        self.args.fog
     }
 
     fn choose(&mut self, driver: DriverArg) {

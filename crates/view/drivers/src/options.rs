@@ -5,7 +5,7 @@ use std::{ffi::OsString, path::PathBuf, sync::Arc};
 use clap::{Args, ValueEnum};
 use holo_denoise::{DenoiseError, Denoiser, Quality};
 use holo_driver_splats::SplatShape;
-use holo_session::DriverArg;
+use holo_session::{DriverArg, HazeOption};
 use holo_splats::{SplatError, SplatFile};
 
 use crate::{StereoArgs, WallArgs};
@@ -23,6 +23,10 @@ pub struct DriverArgs {
     /// `auto`: if it is installed; `off`: never; FILE: with this library
     #[arg(long, value_name = "auto|off|FILE", default_value = "auto")]
     pub denoise: DenoiseArg,
+    /// Add haze that is equally dense everywhere: the distance after which 37 % of the light is
+    /// left, and its radiance [default radiance: the mean of the sky]
+    #[arg(long, value_name = "METRES[,R,G,B]")]
+    pub fog: Option<HazeOption>,
     /// Two eyes.
     #[command(flatten)]
     pub stereo: StereoArgs,

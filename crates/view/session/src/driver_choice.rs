@@ -9,6 +9,8 @@ use holo_proto::stand_ins::StandInKind;
 use holo_raycast::Raycaster;
 use holo_section::Section;
 
+use super::haze::HazeOption;
+
 /// The driver that a session draws with, and its options. A session keeps it to make the driver
 /// again.
 pub trait DriverChoice: Send + Sync {
@@ -27,6 +29,9 @@ pub trait DriverChoice: Send + Sync {
 
     /// Chooses another driver.
     fn choose(&mut self, driver: DriverArg);
+
+    /// Returns the haze in which frames are shown, if any.
+    fn haze(&self) -> Option<HazeOption>;
 
     /// Switches a part of drivers on or off, for drivers that are made from now on.
     fn switch(&mut self, part: &str, on: bool);

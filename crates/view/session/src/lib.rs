@@ -24,6 +24,7 @@ mod demand;
 mod driver_choice;
 mod earlier;
 mod focus;
+mod haze;
 mod incoming;
 mod light_change;
 mod live;
@@ -67,6 +68,8 @@ use current_view::{CurrentView, RequestedSamples};
 use default_view::default_view;
 pub use demand::Uncovered;
 pub use driver_choice::{DriverArg, DriverChoice, LoadedScene, LoadedStandIn, SceneUse};
+use haze::Haze;
+pub use haze::HazeOption;
 pub use holo_local_objects::ObjectPose;
 pub use holo_net::RETURN_TIME;
 use incoming::Incoming;
@@ -309,12 +312,17 @@ impl Session {
             // needs them.
             view.has_new_frame = is_moving;
         }
-        (frame.map(|frame| self.with_objects(frame, phase)), stages)
+        let frame = frame.map(|frame| self.with_objects(frame, phase));
+        (frame.map(|frame| self.in_haze(frame)), stages)
     }
 
     /// Plans a picture that is drawn in parts beside the current view, from the samples that have
-    /// arrived. `None` if the driver cannot draw parts.
+    /// arrived. `None` if the driver cannot draw parts, or has no distances for haze.
     pub fn plan_parts(&mut self, look: &FrameRequest) -> Option<PartsPlan> {
+        // Parts have no distances of their own.
+        if self.haze().is_some() && self.scene.is_none() {
+            return None;
+        }
         self.driver.renderer.parts().map(|parts| parts.plan(look))
     }
 
@@ -327,7 +335,20 @@ impl Session {
     ) -> Option<Picture> {
         let view = plan.look.view.part(plan.look.size, columns.clone(), rows.clone());
         let part = self.driver.renderer.parts()?.part(plan, columns, rows, &self.interrupt)?;
-        Some(self.with_objects_in_part(part, &view))
+        Some(self.finish_part(part, &view))
+    }
+
+    /// Returns the haze in which frames are shown, if any.
+    fn haze(&self) -> Option<Haze> {
+        self.choice.haze().map(|haze| haze.in_scene(self.welcome.unit, self.welcome.sky))
+    }
+
+    /// Adds haze to a finished frame.
+    fn in_haze(&self, mut frame: Frame) -> Frame {
+        if let Some(haze) = self.haze() {
+            haze.veil(&mut frame);
+        }
+        frame
     }
 
     /// Returns the signal that ends the drawing of frames at rest and of parts.

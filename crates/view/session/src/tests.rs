@@ -22,7 +22,9 @@ use holo_scene::{Material, Scene};
 use holo_section::{BeamKey, NumberRun, Sample, SampleKind, Section, SectionSpec, ViewClass};
 use tokio::{net::TcpListener, time::timeout};
 
-use super::{Connected, DriverArg, DriverChoice, EyeVelocity, LoadedScene, SceneUse, Session};
+use super::{
+    Connected, DriverArg, DriverChoice, EyeVelocity, HazeOption, LoadedScene, SceneUse, Session,
+};
 pub(crate) use server::LIMIT;
 use server::welcome;
 
@@ -101,8 +103,8 @@ async fn serve_file(listener: TcpListener, tracing: bool) -> Requests {
     requests
 }
 
-/// The driver `surfaces`, without a denoiser.
-struct Surfaces;
+/// The driver `surfaces`, without a denoiser, and the haze in which it is shown.
+struct Surfaces(Option<HazeOption>);
 
 impl DriverChoice for Surfaces {
     fn go_on(&self, _motions: &[ObjectMotion]) {}
@@ -124,6 +126,10 @@ impl DriverChoice for Surfaces {
         surfaces_driver(Arc::clone(sections), raycaster, None)
     }
 
+    fn haze(&self) -> Option<HazeOption> {
+        self.0
+    }
+
     fn choose(&mut self, driver: DriverArg) {
         panic!("{driver:?} is not there");
     }
@@ -133,13 +139,13 @@ impl DriverChoice for Surfaces {
     }
 
     fn to_boxed(&self) -> Box<dyn DriverChoice> {
-        Box::new(Surfaces)
+        Box::new(Surfaces(self.0))
     }
 }
 
 /// Connects to this server, with the driver `surfaces`.
 pub(crate) async fn connect(address: SocketAddr) -> Connected {
-    Connected::new(address, Box::new(Surfaces), false, Shutdown::new()).await.unwrap()
+    Connected::new(address, Box::new(Surfaces(None)), false, Shutdown::new()).await.unwrap()
 }
 
 /// Does something with a session of this driver, which a server serves that traces. Returns the
@@ -271,6 +277,39 @@ async fn a_settling_session_loads_the_file_again_only_if_something_may_have_been
         // A file that grows faster than it arrives does not keep the session from settling.
         assert_eq!(requests.settled_parts, if tracing { 3 } else { 0 });
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn frames_and_parts_of_pictures_are_shown_in_the_same_haze() {
+    let ((), _) = in_session(|session| {
+        show(session, &view(), (48, 36));
+        // Three scene units.
+        let unit = session.welcome.unit;
+        let mut draw = |haze: Option<&str>| {
+            session.choice = Box::new(Surfaces(haze.map(|haze| haze.parse().unwrap())));
+            let frame = session.draw().0.unwrap();
+            let look = session.current.as_ref().unwrap().look;
+            let plan = session.plan_parts(&look).unwrap();
+            (frame, session.draw_part(&plan, 0..48, 0..36).unwrap())
+        };
+        let (clear, clear_part) = draw(None);
+        let (hazy, hazy_part) = draw(Some(&format!("{},1,2,4", 3.0 * unit)));
+        assert_eq!(clear.depth, hazy.depth);
+        let mut known = 0;
+        for (at, depth) in clear.depth.iter().enumerate().filter(|(_, depth)| **depth > 0.0) {
+            let left = (-depth / 3.0).exp();
+            for (clear, hazy) in [(&clear.picture, &hazy.picture), (&clear_part, &hazy_part)] {
+                for (channel, haze) in [1.0, 2.0, 4.0].into_iter().enumerate() {
+                    let expected = clear.pixels[at][channel] * left + haze * (1.0 - left);
+                    let shown = hazy.pixels[at][channel];
+                    assert!((shown - expected).abs() < 1e-3 * expected, "{shown} {expected}");
+                }
+            }
+            known += 1;
+        }
+        assert!(known > 1000, "{known}");
+    })
+    .await;
 }
 
 /// Serves a display whose eye moves. A view's samples leave only after the next view was requested,

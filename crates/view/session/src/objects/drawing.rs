@@ -54,7 +54,8 @@ impl Session {
         let phase = if shown.look.is_moving { FramePhase::Moving } else { FramePhase::Rest };
         let base = Arc::clone(&shown.base);
         self.objects.shown = Some(shown);
-        Some(self.over(base, current_look, phase))
+        let frame = self.over(base, current_look, phase);
+        Some(self.in_haze(frame))
     }
 
     /// Draws the objects over a frame of the driver, of the current view.
@@ -128,23 +129,26 @@ impl Session {
         frame
     }
 
-    /// Draws the objects over a part of a picture. `view` is that of the part.
-    pub(crate) fn with_objects_in_part(
+    /// Draws the objects and the haze over a part of a picture. `view` is that of the part.
+    pub(crate) fn finish_part(
         &mut self,
         picture: holo_picture::Picture,
         view: &View,
     ) -> holo_picture::Picture {
-        let Some(room) = self.room().filter(|_| !self.objects.is_empty()) else { return picture };
-        let objects = self.lit_objects(false, false, LIGHT_PASSES_OF_FILE, Some(&room));
-        self.objects.of_parts.clone_from(&objects);
+        let is_finished = self.objects.is_empty() && self.haze().is_none();
+        let Some(room) = self.room().filter(|_| !is_finished) else { return picture };
         let mut frame = Frame::black(picture.size());
         frame.depth = room.depth(view, picture.size());
         frame.picture = picture;
-        let mut layer =
-            ObjectLayer::new(&frame, view, &objects, Some(&room), LayerDetail::Exact(PASSES));
-        layer.draw(&frame, &objects, Some(&room), PASSES, &Interrupt::default());
-        layer.compose(&mut frame);
-        frame.picture
+        if !self.objects.is_empty() {
+            let objects = self.lit_objects(false, false, LIGHT_PASSES_OF_FILE, Some(&room));
+            self.objects.of_parts.clone_from(&objects);
+            let mut layer =
+                ObjectLayer::new(&frame, view, &objects, Some(&room), LayerDetail::Exact(PASSES));
+            layer.draw(&frame, &objects, Some(&room), PASSES, &Interrupt::default());
+            layer.compose(&mut frame);
+        }
+        self.in_haze(frame).picture
     }
 
     /// Returns the model of the scene, if it is here.
