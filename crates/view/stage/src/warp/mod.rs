@@ -22,6 +22,10 @@ const BEHIND: f32 = 1.05;
 /// Greatest distance of a crack's sides from its pixels.
 const CRACK: isize = 2;
 
+/// Factor by which a pixel of unknown distance is placed behind the known one beside it, so that
+/// known ones are shown where both fall. It is less than [`BEHIND`].
+const UNKNOWN_BEHIND: f32 = 1.02;
+
 /// Share of pixels that may be missing before an older frame is used too.
 const FEW: f64 = 0.002;
 
@@ -126,14 +130,19 @@ fn project(
         let y = (from.centre.1 as f32 - row as f32 - 0.5) / from.focal.1 as f32;
         let start = forward + y * up;
         let depths = &source.frame.depth[row * own.0 as usize..(row + 1) * own.0 as usize];
+        // A pixel of unknown distance moves with the known one before it in its row. If it stayed
+        // behind as if it were infinitely far, gaps between points would slide over them.
+        let mut beside = depths.iter().copied().find(|d| *d > 0.0).unwrap_or(f32::INFINITY);
         for (column, &distance) in depths.iter().enumerate().skip(across / 2).step_by(across) {
             let x = (column as f32 + 0.5 - from.centre.0 as f32) / from.focal.0 as f32;
             let towards: Vec3 = start + x * right;
-            // Pixels without a known distance move as if they were infinitely far.
-            let is_known = distance > 0.0 && distance.is_finite();
-            let (place, depth) = if is_known {
-                let place = origin + towards * (distance / towards.length());
-                (place, place.length())
+            let is_known = distance > 0.0;
+            if is_known {
+                beside = distance;
+            }
+            let (place, depth) = if beside.is_finite() {
+                let place = origin + towards * (beside / towards.length());
+                (place, place.length() * if is_known { 1.0 } else { UNKNOWN_BEHIND })
             } else {
                 (towards, f32::INFINITY)
             };
@@ -161,12 +170,14 @@ fn project(
 /// sides in some direction, if that is one surface. Such a pixel takes the nearer surface. At the
 /// picture's edge, one side suffices.
 fn close_cracks(targets: &mut [WarpTarget], (width, height): (u32, u32)) {
+    let nearest = nearest_around(targets, width as usize);
     let (width, height) = (width as isize, height as isize);
     for y in 0..height {
         for x in 0..width {
             let at = (y * width + x) as usize;
             let own = targets[at];
-            if own.pixel == NONE {
+            // Most pixels have nothing before them.
+            if own.pixel == NONE || own.depth <= BEHIND * nearest[at] {
                 continue;
             }
             let is_before = |other: &WarpTarget| own.depth > BEHIND * other.depth;
@@ -195,6 +206,32 @@ fn close_cracks(targets: &mut [WarpTarget], (width, height): (u32, u32)) {
             targets[at] = nearer.unwrap_or(own);
         }
     }
+}
+
+/// Returns the least depth around each pixel, at most [`CRACK`] columns and rows away.
+fn nearest_around(targets: &[WarpTarget], width: usize) -> Vec<f32> {
+    const REACH: usize = CRACK as usize;
+    let mut across = vec![f32::INFINITY; targets.len()];
+    let mut line = vec![f32::INFINITY; width + 2 * REACH];
+    for (least, targets) in across.chunks_mut(width).zip(targets.chunks(width)) {
+        for (depth, target) in line[REACH..].iter_mut().zip(targets) {
+            *depth = target.depth;
+        }
+        for (column, least) in least.iter_mut().enumerate() {
+            *least =
+                line[column..=column + 2 * REACH].iter().copied().fold(f32::INFINITY, f32::min);
+        }
+    }
+    let mut nearest = vec![f32::INFINITY; targets.len()];
+    for (row, nearest) in nearest.chunks_mut(width).enumerate() {
+        let above = row.saturating_sub(REACH) * width;
+        for line in across[above..].chunks(width).take(row.min(REACH) + REACH + 1) {
+            for (nearest, depth) in nearest.iter_mut().zip(line) {
+                *nearest = nearest.min(*depth);
+            }
+        }
+    }
+    nearest
 }
 
 fn is_one(a: f32, b: f32) -> bool {
@@ -283,6 +320,22 @@ mod tests {
             let (before, after) = (wrong(&frame, &to), wrong(&shown, &to));
             assert!(after < 0.03 && after < 0.5 * before, "{after} {before}");
         }
+    }
+
+    #[test]
+    fn gaps_of_unknown_distance_move_with_what_is_beside_them() {
+        let (from, to) = (view(0.0, 0.0), view(0.1, 0.0));
+        let whole = scene(&from, SIZE);
+        let mut sparse = whole.clone();
+        // Every third pixel has a point; the others have its light and no distance.
+        for (pixel, depth) in sparse.depth.iter_mut().enumerate() {
+            if pixel % 3 != 0 {
+                *depth = 0.0;
+            }
+        }
+        let [of_whole, of_sparse] = [&whole, &sparse]
+            .map(|frame| wrong(&warp(&[Source { view: &from, frame }], &to, SIZE).unwrap(), &to));
+        assert!(of_sparse < of_whole + 0.02, "{of_sparse} {of_whole}");
     }
 
     #[test]
