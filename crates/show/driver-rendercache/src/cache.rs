@@ -68,7 +68,7 @@ pub struct PointImage {
 }
 
 /// What has changed since the picture was made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stale {
     /// Nothing: the picture is the view's.
     Nothing,
@@ -275,12 +275,12 @@ impl PointImage {
 
     /// Makes the picture and the priorities from the points, if anything has changed.
     fn show(&mut self, ended: &mut dyn FnMut(Stage)) {
-        if self.stale == Stale::Projection {
-            self.project(ended);
+        match self.stale {
+            Stale::Nothing => return,
+            Stale::Picture => {}
+            Stale::Projection => self.project(ended),
         }
-        if std::mem::replace(&mut self.stale, Stale::Nothing) == Stale::Nothing {
-            return;
-        }
+        self.stale = Stale::Nothing;
         let is_sparse = self.is_sparse();
         let Self { params, points, planes, .. } = self;
         let PointImageParams { stages, prefilter_window, .. } = *params;

@@ -218,8 +218,8 @@ impl CacheScreen {
         frame
     }
 
-    /// Finds the best beam of each pixel. For 1280 × 720 pixels this takes longer than everything
-    /// else in a frame of a moving eye, so it is done only where some beam is unseen.
+    /// Finds the best beam of each pixel. Only frames with unseen beams need them, and the search
+    /// casts a ray through every section for every pixel.
     fn find_best_beams(&mut self) {
         if !self.best.is_empty() {
             return;

@@ -6,7 +6,7 @@ use crate::scenes::{moment, random, room, squared_error, truth, view, wall, whol
 use glam::DVec3;
 use holo_display::{SelectOptions, WantedBeam, best_beam, select_beams};
 use holo_driver_rendercache::{Place, PointImage, PointImageParams, RayResult, Smoothing};
-use holo_picture::View;
+use holo_picture::{Picture, View};
 use holo_section::{Section, SectionSpec, ViewClass};
 use std::collections::HashSet;
 
@@ -54,6 +54,35 @@ fn rays_that_a_renderer_chose_by_itself_tend_to_the_box_filter_too() {
     assert!((2.5..6.5).contains(&ratio), "{ratio}");
     let alone = variance / 200.0;
     assert!(errors[1] < 1.5 * alone, "{} where independent rays would leave {alone}", errors[1]);
+}
+
+/// Returns the picture of a view after samples of half of its pixels came. `turn` turned a cache
+/// with points of another view to it.
+fn after_samples(turn: impl FnOnce(&mut PointImage, View)) -> Picture {
+    let size = (64, 48);
+    let (before, eye) = (view(DVec3::ZERO, 0.0, size), view(DVec3::new(0.3, 0.0, 0.0), 4.0, size));
+    let mut cache = PointImage::new(size, PointImageParams::default()).unwrap();
+    cache.frame(&moment(before, &whole_picture(&before, size, &room), 0));
+    turn(&mut cache, eye);
+    for sample in whole_picture(&eye, size, &room).into_iter().step_by(2) {
+        let Place::At(place) = sample.place else { continue };
+        let (x, y, _) = eye.project(place).unwrap();
+        let (column, row) = View::pixel_at(size, x, y).unwrap();
+        let tag = cache.pixel_tag(column, row).unwrap();
+        cache.insert(&[RayResult { tag, noise: 0.1, ..sample }]);
+    }
+    cache.frame(&moment(eye, &[], 0)).picture()
+}
+
+#[test]
+fn samples_find_the_points_of_a_view_that_was_aimed_at_as_they_find_those_of_a_frame() {
+    let aimed = after_samples(|cache, eye| cache.aim(&eye));
+    let framed = after_samples(|cache, eye| {
+        cache.frame(&moment(eye, &[], 0));
+    });
+    assert_eq!(aimed.pixels, framed.pixels);
+    let unprepared = after_samples(|_, _| {});
+    assert_ne!(unprepared.pixels, framed.pixels, "samples do not know this view");
 }
 
 #[test]
