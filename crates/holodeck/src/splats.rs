@@ -11,6 +11,7 @@ use std::{
 use anyhow::{Context, Result, ensure};
 use glam::{DVec3, Vec3};
 use holo_beamfile::{BeamSamples, Caching};
+use holo_optics::pane;
 use holo_raycast::{Ray, Raycaster, StoredScenes};
 use holo_scene::{Bsdf, Scene};
 use holo_section::{BeamKey, Sample, Section, SectionRay};
@@ -119,20 +120,20 @@ pub fn make(request: &SplatRequest, progress: &mut dyn FnMut(f64)) -> Result<Spl
         true => None,
         false => raycaster(&holodeck)?,
     };
-    Ok(make_of(request, &holodeck, raycaster.as_ref(), None, progress)?.0)
+    Ok(make_of(request, &holodeck, raycaster.as_ref(), false, progress)?.0)
 }
 
-/// Makes splats as [`make`] does. Light is divided by the colours of surfaces that are `drawn`. The
-/// tree is returned too.
+/// Makes splats as [`make`] does, and returns the tree too. If surfaces are drawn from the scene,
+/// light is divided by their colours.
 pub(crate) fn make_of(
     request: &SplatRequest,
     holodeck: &Holodeck,
     raycaster: Option<&Raycaster>,
-    drawn: Option<DrawnColours>,
+    draws_surfaces: bool,
     progress: &mut dyn FnMut(f64),
 ) -> Result<(SplatReport, SplatTree)> {
     let start = Instant::now();
-    let places = SamplePlaces::new(holodeck, raycaster, drawn);
+    let places = SamplePlaces::new(holodeck, raycaster, draws_surfaces);
     let unit = holodeck.about.unit;
     let samples = holodeck.file.stats().samples;
     let finest = FINEST / unit;
@@ -160,7 +161,7 @@ pub(crate) fn make_of(
     };
     let mut surfels = cells.into_surfels();
     // Light on surfaces that are drawn ends with them.
-    if drawn.is_none() {
+    if !draws_surfaces {
         surfels.par_iter_mut().for_each(|surfel| surfel.radius = places.fitting(surfel, spacing));
     }
     let tree = SplatTree::new(surfels, origin.spacing as f32)?;
@@ -247,35 +248,27 @@ fn is_directional(scene: &Scene, triangle: u32) -> bool {
     }
 }
 
-/// Returns the share of light that passes a pane of glass; `None` for other triangles.
-pub(crate) fn pane_transmittance(scene: &Scene, triangle: u32) -> Option<Vec3> {
-    let Bsdf::ThinGlass { ior, transmittance } = scene.material(triangle).bsdf else {
-        return None;
-    };
-    // Light passes both faces, and is reflected between them.
-    let face = ((ior - 1.0) / (ior + 1.0)).powi(2);
-    Some(Vec3::from(transmittance) * (1.0 - face) / (1.0 + face))
+/// Returns the share of light that passes a pane of glass at this angle, as a cosine; `None` for
+/// other surfaces.
+pub(crate) fn pane_transmittance(surface: &Bsdf, cosine: f32) -> Option<Vec3> {
+    let Bsdf::ThinGlass { ior, transmittance } = surface else { return None };
+    Some(Vec3::from(*transmittance) * (1.0 - pane(cosine, *ior)))
 }
 
-/// Colours of surfaces that are drawn from the scene, and not part of the splats' light.
+/// Returns the colour of a triangle that is drawn from the scene, and is no part of the splats'
+/// light; 1 if it is part of the light.
 ///
-/// They are those of evenly coloured surfaces that scatter light. Textures, lamps, metals and glass
-/// stay in the light.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct DrawnColours;
-
-impl DrawnColours {
-    /// Returns the colour of a triangle; 1 if it is part of the light.
-    pub fn of(self, scene: &Scene, triangle: u32) -> [f32; 3] {
-        let is_in_light = is_directional(scene, triangle)
-            || scene.has_texture(triangle)
-            || scene.material(triangle).emits();
-        if is_in_light {
-            return [1.0; 3];
-        }
-        // As dark as light is divided by.
-        scene.reflectance(triangle, 0.3, 0.3, 0.0).map(|share| share.max(LEAST_REFLECTANCE))
+/// Only surfaces of one colour that scatter light are drawn in it. Textures, lamps, metals and
+/// glass stay in the light.
+pub(crate) fn drawn_colour(scene: &Scene, triangle: u32) -> [f32; 3] {
+    let is_in_light = is_directional(scene, triangle)
+        || scene.has_texture(triangle)
+        || scene.material(triangle).emits();
+    if is_in_light {
+        return [1.0; 3];
     }
+    // As dark as light is divided by.
+    scene.reflectance(triangle, 0.3, 0.3, 0.0).map(|share| share.max(LEAST_REFLECTANCE))
 }
 
 /// Samples that became no light of a surfel.
@@ -300,7 +293,7 @@ enum LightOrigin {
 struct SamplePlaces<'a> {
     sections: Arc<[Section]>,
     raycaster: Option<&'a Raycaster>,
-    drawn: Option<DrawnColours>,
+    draws_surfaces: bool,
     origin: DVec3,
 }
 
@@ -308,7 +301,7 @@ impl<'a> SamplePlaces<'a> {
     fn new(
         holodeck: &Holodeck,
         raycaster: Option<&'a Raycaster>,
-        drawn: Option<DrawnColours>,
+        draws_surfaces: bool,
     ) -> SamplePlaces<'a> {
         let middle = |section: &Section| section.local_to_world(DVec3::splat(0.5));
         let sections = Arc::clone(&holodeck.sections);
@@ -317,7 +310,7 @@ impl<'a> SamplePlaces<'a> {
             Some(raycaster) => raycaster.scene().origin,
             None => middles / sections.len().max(1) as f64,
         };
-        SamplePlaces { sections, raycaster, drawn, origin }
+        SamplePlaces { sections, raycaster, draws_surfaces, origin }
     }
 
     /// Adds all samples of the present scene to cells.
@@ -425,8 +418,10 @@ impl<'a> SamplePlaces<'a> {
         let hit = hit.filter(|hit| f64::from(hit.t) + skipped <= 2.0 * off);
         let Some(mut hit) = hit else { return LightOrigin::Nowhere };
         let (scene, mut radiance) = (raycaster.scene(), Vec3::from(point.radiance));
-        for _ in 0..self.drawn.map_or(0, |_| MOST_PANES) {
-            let Some(share) = pane_transmittance(scene, hit.triangle) else { break };
+        for _ in 0..if self.draws_surfaces { MOST_PANES } else { 0 } {
+            let cosine = raycaster.geometric_normal(hit.triangle).dot(towards).abs();
+            let surface = &scene.material(hit.triangle).bsdf;
+            let Some(share) = pane_transmittance(surface, cosine) else { break };
             radiance /= share.max(Vec3::splat(LEAST_REFLECTANCE));
             let behind = Ray::new(local.origin + local.direction * hit.t, local.direction);
             let Some(next) = raycaster.nearest_from(&behind, hit.triangle) else {
@@ -445,7 +440,10 @@ impl<'a> SamplePlaces<'a> {
                 false => scene.reflectance(hit.triangle, hit.u, hit.v, spacing),
             },
             radiance: radiance.to_array(),
-            drawn_colour: self.drawn.map_or([1.0; 3], |drawn| drawn.of(scene, hit.triangle)),
+            drawn_colour: match self.draws_surfaces {
+                true => drawn_colour(scene, hit.triangle),
+                false => [1.0; 3],
+            },
             is_directional,
             shines: scene.material(hit.triangle).emits(),
             ..point
@@ -505,4 +503,21 @@ fn fits(raycaster: &Raycaster, place: Vec3, normal: Vec3, along: Vec3, radius: f
 /// Returns the normal of the side from which a ray came.
 fn facing(normal: Vec3, towards: Vec3) -> Vec3 {
     if normal.dot(towards) < 0.0 { -normal } else { normal }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pane_takes_more_of_the_light_that_crosses_it_obliquely() {
+        let glass = Bsdf::ThinGlass { ior: 1.52, transmittance: [1.0, 0.5, 0.0] };
+        // All orders of reflection between the faces, each polarization by itself.
+        for (degrees, share) in [(0.0_f32, 0.9183), (80.0, 0.456)] {
+            let found = pane_transmittance(&glass, degrees.to_radians().cos()).unwrap();
+            let wanted = Vec3::new(share, 0.5 * share, 0.0);
+            assert!(found.abs_diff_eq(wanted, 1e-3), "{degrees}: {found}");
+        }
+        assert_eq!(pane_transmittance(&Bsdf::Mirror { ks: [1.0; 3] }, 1.0), None);
+    }
 }

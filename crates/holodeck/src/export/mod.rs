@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use crate::{
     prepare::SMALL_CACHE,
-    splats::{self, DrawnColours, SplatReport, SplatRequest},
+    splats::{self, SplatReport, SplatRequest},
 };
 use manifest::Manifest;
 use piece::Piece;
@@ -97,8 +97,8 @@ pub fn export(request: &ExportRequest, progress: &mut dyn FnMut(f64)) -> Result<
     let scene = raycaster.as_ref().map(|raycaster| raycaster.scene());
     let obstacle =
         scene.map_or(Some("the file has no scene".to_owned()), |scene| surfaces::obstacle(scene));
-    let drawn = obstacle.is_none().then_some(DrawnColours);
-    let samples_each = if drawn.is_some() { SAMPLES_PER_LIGHT } else { SAMPLES_PER_SPLAT };
+    let draws_surfaces = obstacle.is_none();
+    let samples_each = if draws_surfaces { SAMPLES_PER_LIGHT } else { SAMPLES_PER_SPLAT };
     let (report, tree) = splats::make_of(
         &SplatRequest {
             file: request.file.clone(),
@@ -113,7 +113,7 @@ pub fn export(request: &ExportRequest, progress: &mut dyn FnMut(f64)) -> Result<
         },
         &holodeck,
         raycaster.as_ref(),
-        drawn,
+        draws_surfaces,
         progress,
     )?;
     let splats = splats::open(&report.splats, Some(&holodeck))?;
@@ -121,7 +121,7 @@ pub fn export(request: &ExportRequest, progress: &mut dyn FnMut(f64)) -> Result<
     let mut data: Vec<&[u8]> = bytes[splats.header().nodes_at()..].chunks(PIECE_BYTES).collect();
     let mut manifest = Manifest::new(&holodeck, &splats, &report, &data)?;
     let (origin, unit) = (splats.header().origin, splats.header().unit);
-    let surfaces = raycaster.as_ref().filter(|_| drawn.is_some());
+    let surfaces = raycaster.as_ref().filter(|_| draws_surfaces);
     let surfaces =
         surfaces.map(|raycaster| surfaces::drawn_surfaces(raycaster, origin, unit, &tree.colours));
     if let Some((_, bytes)) = surfaces.as_ref() {

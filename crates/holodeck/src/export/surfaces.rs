@@ -13,7 +13,7 @@ use holo_scene::{Bsdf, Scene};
 use serde::Serialize;
 
 use super::piece::Piece;
-use crate::splats::{DrawnColours, pane_transmittance};
+use crate::splats::{drawn_colour, pane_transmittance};
 
 /// Most triangles that are exported: up to 12 MB. Larger scenes are drawn by splats alone.
 const MOST_TRIANGLES: u32 = 1_000_000;
@@ -163,7 +163,6 @@ pub(super) fn drawn_surfaces(
     let coded: Vec<u8> = colours.iter().flat_map(|&colour| coded(colour).to_le_bytes()).collect();
     let colours = Piece::new("colours".to_owned(), &coded);
     data.push(coded);
-    let mirrors = mirrors.into_iter().collect();
     (DrawnSurfaces { pieces, paints: paints.paints, mirrors, colours }, data)
 }
 
@@ -199,7 +198,7 @@ fn morton(cell: UVec3) -> u32 {
 }
 
 fn is_pane(scene: &Scene, triangle: u32) -> bool {
-    pane_transmittance(scene, triangle).is_some()
+    matches!(scene.material(triangle).bsdf, Bsdf::ThinGlass { .. })
 }
 
 /// Returns a chunk and its bytes.
@@ -260,10 +259,12 @@ impl PaintTable {
 
 /// Returns the look of a triangle.
 fn paint(scene: &Scene, triangle: u32, offset: Vec3, mirrors: &[MirrorPlane], unit: f64) -> Paint {
-    if let Some(share) = pane_transmittance(scene, triangle) {
+    let surface = &scene.material(triangle).bsdf;
+    // The page knows one colour of a pane: that of a look straight through.
+    if let Some(share) = pane_transmittance(surface, 1.0) {
         return Paint(share.to_array(), -1);
     }
-    match scene.material(triangle).bsdf {
+    match *surface {
         Bsdf::Mirror { ks } => {
             let plane = plane(scene, triangle, offset);
             match mirrors.iter().position(|mirror| is_same(mirror, &plane, unit)) {
@@ -271,7 +272,7 @@ fn paint(scene: &Scene, triangle: u32, offset: Vec3, mirrors: &[MirrorPlane], un
                 None => Paint([1.0; 3], -1),
             }
         }
-        _ => Paint(DrawnColours.of(scene, triangle), -1),
+        _ => Paint(drawn_colour(scene, triangle), -1),
     }
 }
 
