@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use holo_progress::{HumanCount, Meter};
 use holodeck::{
     config::{SectionTable, Unit, Up},
@@ -26,8 +25,8 @@ use crate::commands::scene_args::{parse_numbers, parse_section};
   holodeck import house.toml -o house.holo
   holodeck replay house.holo")]
 pub struct ImportArgs {
-    /// A picture, or a list of several, which the manual describes. A name with `{face}` stands for the six faces of a cube:
-    /// right, left, up, down, front, back
+    /// A picture, or a list of several, which the manual describes. A name with `{face}` stands for
+    /// the six faces of a cube: right, left, up, down, front, back
     #[arg(value_name = "PICTURE|LIST.toml")]
     from: PathBuf,
     /// The picture of depths, in scene units; infinite where it shows the sky
@@ -42,14 +41,11 @@ pub struct ImportArgs {
     /// Up in the picture [default: the up axis]
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_numbers, allow_hyphen_values = true)]
     vu: Option<[f64; 3]>,
-    /// How pictures show directions: `equirectangular` (twice as wide as high), `cube` (six faces
-    /// side by side) or `view` (as the view says that the picture states) [default: view if it
-    /// states one, otherwise by its shape]
-    #[arg(long, value_name = "PROJECTION", value_parser = projections())]
+    /// How pictures show directions [default: view if the picture states one, else by its shape]
+    #[arg(long, value_name = "PROJECTION")]
     projection: Option<Projection>,
-    /// What depths are measured along: `ray` (distances from the eye) or `axis` (along the axis of
-    /// the view, or of the cube's face) [default: ray]
-    #[arg(long, value_name = "ray|axis", value_parser = depths())]
+    /// What depths are measured along [default: ray]
+    #[arg(long, value_name = "ALONG")]
     depth_along: Option<DepthAlong>,
     /// Scene units in a unit of depth, such as 0.001 for depths in millimetres [default: 1]
     #[arg(long, value_name = "FACTOR")]
@@ -60,7 +56,12 @@ pub struct ImportArgs {
     sky_beyond: Option<f64>,
     /// A section of the file: origin, three axes and, if wanted, the grid. May be repeated
     /// [default: around the eyes and what they saw near them]
-    #[arg(long, value_name = "\"OX,OY,OZ AX,AY,AZ BX,BY,BZ CX,CY,CZ [NX,NY,NZ]\"", value_parser = parse_section, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "\"OX,OY,OZ AX,AY,AZ BX,BY,BZ CX,CY,CZ [NX,NY,NZ]\"",
+        value_parser = parse_section,
+        allow_hyphen_values = true
+    )]
     section: Vec<SectionTable>,
     /// Make sections to look into from outside, not to look out of
     #[arg(long)]
@@ -80,21 +81,6 @@ pub struct ImportArgs {
     /// Print less
     #[arg(short, long)]
     quiet: bool,
-}
-
-fn projections() -> impl TypedValueParser<Value = Projection> {
-    PossibleValuesParser::new(["equirectangular", "cube", "view"]).map(|name| match name.as_str() {
-        "cube" => Projection::Cube,
-        "view" => Projection::View,
-        _ => Projection::Equirectangular,
-    })
-}
-
-fn depths() -> impl TypedValueParser<Value = DepthAlong> {
-    PossibleValuesParser::new(["ray", "axis"]).map(|name| match name.as_str() {
-        "axis" => DepthAlong::Axis,
-        _ => DepthAlong::Ray,
-    })
 }
 
 impl ImportArgs {

@@ -55,8 +55,8 @@ pub struct RenderArgs {
     /// which pixels share, is included
     #[arg(long, value_name = "FILE", value_parser = picture_path())]
     se: Option<PathBuf>,
-    /// Also write the distance of what the middle of each pixel shows to this file (.exr .pfm), in
-    /// scene units: infinite for the sky, and no number in the corners of fisheyes
+    /// Also write distances to this file (.exr .pfm): how far what each pixel's middle shows is from
+    /// the eye, in scene units. The sky is infinite, and the corners of fisheyes have no number
     #[arg(long, value_name = "FILE", value_parser = picture_path())]
     depth: Option<PathBuf>,
     #[command(flatten)]

@@ -6,30 +6,31 @@
 use std::f64::consts::{PI, TAU};
 
 use anyhow::{Result, bail, ensure};
+use clap::ValueEnum;
 use glam::DVec3;
 use holo_picture::View;
 use serde::{Deserialize, Serialize};
 
 /// How a picture shows the directions around its eye.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Projection {
-    /// All directions, twice as wide as high: longitude across, latitude up.
+    /// All directions, twice as wide as high: longitude across, latitude up
     Equirectangular,
-    /// Six square faces side by side: right, left, up, down, front, back.
+    /// Six square faces side by side: right, left, up, down, front, back
     Cube,
-    /// Those of the view that the picture states.
+    /// Those of the view that the picture states
     View,
 }
 
 /// The meaning of a picture of depths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DepthAlong {
-    /// Distances from the eye.
+    /// Distances from the eye
     #[default]
     Ray,
-    /// Distances from the plane through the eye, along the axis of the view or of the cube's face.
+    /// Distances along the axis of the view, or of the cube's face
     Axis,
 }
 
