@@ -5,8 +5,8 @@ use holo_raycast::{Ray, Raycaster};
 use rayon::prelude::*;
 
 /// Returns a picture of distances from the eye along the rays through the middles of pixels, scene
-/// units, the same in all channels. Infinite if a ray hits nothing, and NaN if a pixel has no ray or
-/// its ray is clipped.
+/// units, the same in all channels. They are infinite if a ray hits nothing, and NaN if a pixel has
+/// no ray or its ray is clipped.
 pub fn depths(raycaster: &Raycaster, view: &View, size: (u32, u32)) -> Picture {
     let depth = |pixel: u32| {
         let (x, y) = View::pixel_centre(size, pixel % size.0, pixel / size.0);

@@ -158,7 +158,8 @@ fn rest_at(browser: &mut Chromium, view: &str) {
     ));
 }
 
-/// Luminances of the page in cd/m², in rows from the top, at every `step`th pixel of every `step`th row.
+/// Luminances of the page in cd/m², in rows from the top, at every `step`th pixel of every `step`th
+/// row.
 fn luminances(browser: &mut Chromium, step: usize) -> (usize, Vec<f64>) {
     let script = format!(
         "(() => {{ const {{ width, height, rgb }} = holodeck.pixels(), all = []; \

@@ -1,5 +1,5 @@
-//! Haze is added to pictures along each pixel's ray. The driver `frameless` is left out: it does not
-//! know the distances of all pixels.
+//! Haze is added to pictures along each pixel's ray. The driver `frameless` is left out: it does
+//! not know the distances of all pixels.
 
 use holo_picture::Picture;
 use holo_tests::Place;

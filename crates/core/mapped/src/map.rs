@@ -22,10 +22,10 @@ impl FileBytes {
     pub fn map(file: &File) -> io::Result<FileBytes> {
         // SAFETY: a mapping must not change while it is read. This program never changes a file
         // that it maps. It writes a new file under another name and renames it into place, so the
-        // new file has other pages. If another program changes the bytes in place all the same, they are
-        // read as numbers, of which every value is valid. An index among them is compared with the
-        // length of its array at each use. If another program cuts the file off, a touch of the
-        // missing pages ends the process by SIGBUS, and reads nothing wrong.
+        // new file has other pages. If another program changes the bytes in place all the same,
+        // they are read as numbers, of which every value is valid. An index among them is compared
+        // with the length of its array at each use. If another program cuts the file off, a touch
+        // of the missing pages ends the process by SIGBUS, and reads nothing wrong.
         Ok(FileBytes::Mapped(unsafe { memmap2::Mmap::map(file)? }))
     }
 }

@@ -196,8 +196,8 @@ fn shape(class: usize, zenith: f64, clearness: f64, brightness: f64) -> [f64; 5]
         let [p, q, r, s] = table[3];
         shape[3] = -(brightness * (p + q * zenith)).exp() + r + brightness * s;
     }
-    // A positive b makes the horizon up to 1e13 times as bright as the rest. It follows for clear and
-    // bright skies around a sun below 11°, which hours of weather files at sunrise can be.
+    // A positive b makes the horizon up to 1e13 times as bright as the rest, or black. The tables
+    // give one for clear and bright skies around a sun below 11°, as at sunrise.
     shape[1] = shape[1].min(0.0);
     shape
 }

@@ -264,8 +264,8 @@ impl ObjectPlace {
     }
 }
 
-/// Returns the prefix of the names of an object's materials and lamps. It is the object's name and a
-/// slash, with a number if the scene has such names.
+/// Returns the prefix of the names of an object's materials and lamps. It is the object's name and
+/// a slash, with a number if the scene has such names.
 fn prefix(scene: &Scene, object: &str) -> String {
     let object = shortened(object, MAX_NAME_BYTES / 2);
     let materials = scene.materials.iter().map(|material| &material.name);

@@ -1,8 +1,8 @@
 //! Copying a file's rays into other sections.
 //!
-//! A stored ray is a line and what it met first from some point on. Another section that the line
-//! crosses may store it too, if its own rays begin on the known part of the line: between where the
-//! old ray began and what it hit. A ray is then snapped to the lattice of the section. It must
+//! A stored ray is a line and what it met first from some point on. The line is known between this
+//! point and what it hit. Another section that it crosses stores the ray too if that section's rays
+//! begin on the known part. A ray is then snapped to the lattice of the section. It must
 //! still hit the same place, except for the steps of the lattice.
 
 use std::{collections::HashMap, ops::ControlFlow, path::Path};

@@ -1,6 +1,6 @@
-//! Splats: the light of a holodeck as a hierarchy of discs, for files larger than memory and for
-//! pages without a server (Rusinkiewicz & Levoy 2000, "QSplat: A Multiresolution Point Rendering
-//! System for Large Meshes").
+//! Splats: the light of a holodeck as a hierarchy of discs (Rusinkiewicz & Levoy 2000, "QSplat: A
+//! Multiresolution Point Rendering System for Large Meshes"). They serve files larger than memory,
+//! and pages without a server.
 //!
 //! Samples become *surfels*: one for each cell of a grid that rays hit, with place, normal, light,
 //! and the light's standard error ([`SurfelCells`]). Light of surfels with few samples is smoothed
@@ -13,9 +13,8 @@
 //! - A file is written once, under another name, and renamed into place. It never changes.
 //! - No node is used before the hash of its chunk was compared ([`SplatFile::node`]). The header's
 //!   hash covers the hashes of all chunks.
-//! - Every child's number is greater than its parent's and less than the number of nodes, and a
-//!   node has one parent at most, also in a file made to harm. So a traversal visits each node
-//!   once.
+//! - A child's number is greater than its parent's and less than the number of nodes. A node has one
+//!   parent at most. Both hold in a file made to harm too, so a traversal visits each node once.
 //! - Equal samples in equal order give equal files, whatever the number of threads.
 
 mod cells;

@@ -4,7 +4,7 @@
 //! counts less the more it differs beyond the noise of both, so shadows keep their edges where
 //! samples show them. Light and surface colour are apart, so patterns stay sharp. The standard
 //! error is that of the weighted mean: variances of neighbours add up by the squares of their
-//! weights, and a mean of means knows no more than all cells that it comes from.
+//! weights. A mean of means is no more certain than the mean of all its cells.
 
 use glam::Vec3;
 use holo_color::relative_luminance;

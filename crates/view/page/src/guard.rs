@@ -110,8 +110,8 @@ impl EntryGuard {
     /// Returns the cookie for a client that shows the token in the page's address.
     fn cookie_for(&self, request: &Request) -> Option<String> {
         let EntryGuard::Outside { port, token } = self else { return None };
-        let parts = request.uri().query()?.split('&');
-        let shown = parts.filter_map(|part| part.strip_prefix("token=")).next()?;
+        let mut parts = request.uri().query()?.split('&');
+        let shown = parts.find_map(|part| part.strip_prefix("token="))?;
         (request.uri().path() == "/" && token.is(shown)).then(|| {
             format!("{}={token}; Path=/; Secure; HttpOnly; SameSite=Lax", cookie_name(*port))
         })

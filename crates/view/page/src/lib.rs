@@ -94,8 +94,8 @@ impl PageServer {
         Ok(PageServer { door, url, opens_browser: !args.no_open })
     }
 
-    /// Shows a stage in a browser until somebody quits or the stage ends. `screens` are the names of
-    /// a wall's screens, whose pictures stand side by side in each frame.
+    /// Shows a stage in a browser until somebody quits or the stage ends. `screens` are the names
+    /// of a wall's screens, whose pictures stand side by side in each frame.
     ///
     /// # Errors
     /// If the page cannot be served, or the stage's errors.
@@ -121,7 +121,8 @@ impl PageServer {
     }
 }
 
-/// Serves pages for the stage of a hub until `ending` is triggered and every client has been informed.
+/// Serves pages for the stage of a hub until `ending` is triggered and every client has been
+/// informed.
 async fn serve(door: PageSocket, hub: Hub, ending: Shutdown) -> Result<()> {
     let gate = door.gate()?;
     let hub = Arc::new(hub);

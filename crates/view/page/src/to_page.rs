@@ -145,8 +145,9 @@ impl Framed<'_> {
 /// proves that a request comes from this client. `screens` are the names of a wall's screens.
 pub fn hello(client: u32, key: &str, session: &str, screens: &[String]) -> String {
     json!({
-        "is": "hello", "client": client, "key": key, "session": session, "actions": ACTIONS, "gestures": GESTURES,
-        "screens": screens, "drivers": DriverArg::names(), "most_pixels": MAX_PIXELS, "most_side": MAX_SIDE,
+        "is": "hello", "client": client, "key": key, "session": session, "screens": screens,
+        "actions": ACTIONS, "gestures": GESTURES, "drivers": DriverArg::names(),
+        "most_pixels": MAX_PIXELS, "most_side": MAX_SIDE,
     })
     .to_string()
 }
